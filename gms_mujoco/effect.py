@@ -1,0 +1,127 @@
+"""The Effect contract: one physical cause, the same object for simulator, identifier and diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModelError, listing
+from .parameter import Parameter
+
+Value = float | tuple[float, ...]
+
+KINDS = ("friction", "drive", "mechanics", "sensor")
+
+
+class Effect:
+    """A frozen value: a kind of effect with its parameters.
+
+    A subclass lives in `gms_mujoco/effects/NAME.*` and declares the class attributes below. Parameters that
+    are not given take their default; one whose default is NaN stays unset until a fit has identified it.
+
+    Args:
+        elements: number of elements (Maxwell elements, harmonics ...) where parameters are per element and
+            none of them is given.
+        **values: parameters by name, a number or, per element, a sequence.
+
+    Raises:
+        ModelError: unknown parameter, wrong number of values, or a value out of bounds.
+    """
+
+    name: ClassVar[str]
+    kind: ClassVar[str]  # one of KINDS
+    doc: ClassVar[str]  # equation and source
+    signature: ClassVar[str]  # what a person sees on a plot when the model lacks the effect
+    experiment: ClassVar[str]  # what to measure to bring it out
+    parameters: ClassVar[tuple[Parameter, ...]]
+    is_native: ClassVar[bool] = False  # evaluated by the native library
+    modulates: ClassVar[bool] = False  # scales the level of the joint's friction laws
+
+    elements: int
+    values: Mapping[str, Value]
+
+    def __init__(self, elements: int | None = None, **values: Any) -> None:
+        table = {p.name: p for p in self.parameters}
+        for key in values:
+            if key not in table:
+                raise ModelError(f"{self.name} has no parameter {key!r}; its parameters are {listing(table)}")
+        sizes = {k: np.size(v) for k, v in values.items() if table[k].per_element}
+        if len(set(sizes.values())) > 1:
+            given = ", ".join(f"{k} has {n}" for k, n in sizes.items())
+            raise ModelError(f"{self.name}: parameters per element must have equally many values; {given}")
+        n = next(iter(sizes.values()), elements or 1)
+        if elements is not None and n != elements:
+            raise ModelError(f"{self.name}: elements is {elements} but {next(iter(sizes))} has {n} values")
+        if n < 1:
+            raise ModelError(f"{self.name}: at least one element is needed, {n} given")
+        self.elements = n
+        self.values = {p.name: _checked(self.name, p, values.get(p.name), n) for p in self.parameters}
+
+    def __getattr__(self, name: str) -> Value:
+        values = self.__dict__.get("values", {})
+        if name in values:
+            return values[name]
+        raise AttributeError(f"{type(self).__name__} has no attribute or parameter {name!r}")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if "values" in self.__dict__:
+            raise AttributeError(f"{type(self).__name__} is frozen; use replace({name}=...)")
+        super().__setattr__(name, value)
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.values == other.values  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((self.name, *self.values.values()))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{k}={v}' for k, v in self.values.items())})"
+
+    def replace(self, **values: Any) -> Self:
+        """The same effect with some parameters changed."""
+        return type(self)(**{**self.values, **values})
+
+    @property
+    def unset(self) -> tuple[str, ...]:
+        """Names of the parameters that have no value yet."""
+        return tuple(k for k, v in self.values.items() if np.isnan(v).any())
+
+    @property
+    def packed(self) -> NDArray[np.float64]:
+        """All parameters in the order of the table, as the native library takes them."""
+        return np.concatenate([np.atleast_1d(np.asarray(v, float)) for v in self.values.values()])
+
+    def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque that reaches the joint for a commanded one (drive effects).
+
+        Args:
+            time: (n,) start of each sample [s], equally spaced.
+            command: (n,) torque commanded from each sample to the next [N m].
+
+        Returns:
+            (n,) mean torque delivered over each sample [N m].
+        """
+        return command
+
+
+def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:
+    if value is None:
+        value = (p.default,) * n if p.per_element else p.default
+        if p.share:
+            value = (1.0 / n,) * n
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{effect}.{p.name} must be a number [{p.unit}]; {value!r} given") from None
+    if array.ndim > 1 or (array.ndim == 1 and not p.per_element):
+        raise ModelError(f"{effect}.{p.name} must be one number [{p.unit}]; {value!r} given")
+    bad = (array < p.lower) | (array > p.upper) | np.isinf(array)
+    if bad.any():
+        wrong = float(np.atleast_1d(array)[np.atleast_1d(bad)][0])
+        raise ModelError(f"{effect}.{p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; {wrong:g} given")
+    if p.share and abs(array.sum() - 1) > 1e-6:
+        raise ModelError(f"{effect}.{p.name} must sum to 1; the {n} values given sum to {array.sum():.6g}")
+    return tuple(float(x) for x in np.atleast_1d(array)) if p.per_element else float(array)

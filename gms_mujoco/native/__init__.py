@@ -1,0 +1,189 @@
+"""The native library: the catalogue of effects written in C++, and joints built from them.
+
+It knows no particular law. `Joint` replays a joint's effects along a given motion; the MuJoCo plug-in runs the
+same code inside the engine.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import EngineError
+from ..parameter import Parameter
+
+Array = NDArray[np.float64]
+
+_SUFFIX = {"darwin": ".dylib", "win32": ".dll"}.get(sys.platform, ".so")
+LIBRARY_PATH = Path(__file__).parent / f"libgms_mujoco{_SUFFIX}"
+_MAX_PARAMETERS = 12
+
+
+class _Parameter(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("unit", ctypes.c_char_p),
+        ("fallback", ctypes.c_double),
+        ("lower", ctypes.c_double),
+        ("upper", ctypes.c_double),
+        ("per_element", ctypes.c_bool),
+        ("free", ctypes.c_bool),
+        ("doc", ctypes.c_char_p),
+        ("share", ctypes.c_bool),
+    )
+
+
+class _Effect(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("class_name", ctypes.c_char_p),
+        ("kind", ctypes.c_char_p),
+        ("doc", ctypes.c_char_p),
+        ("signature", ctypes.c_char_p),
+        ("experiment", ctypes.c_char_p),
+        ("parameters", _Parameter * _MAX_PARAMETERS),
+        ("n_state", ctypes.c_void_p),
+        ("n_memory", ctypes.c_void_p),
+        ("recall", ctypes.c_void_p),
+        ("modulate", ctypes.c_void_p),
+        ("torque", ctypes.c_void_p),
+    )
+
+
+def _load() -> ctypes.CDLL:
+    try:
+        library = ctypes.CDLL(str(LIBRARY_PATH))
+    except OSError as error:
+        raise EngineError(
+            f"the native library {LIBRARY_PATH.name} cannot be loaded ({error}); reinstall with 'pip install .'"
+        ) from None
+    pointer, integer = ctypes.c_void_p, ctypes.c_int
+    for name, result, arguments in (
+        ("gms_n_effects", integer, ()),
+        ("gms_effect", ctypes.POINTER(_Effect), (integer,)),
+        ("gms_joint_new", pointer, ()),
+        ("gms_joint_delete", None, (pointer,)),
+        ("gms_joint_add", integer, (pointer, integer, integer, pointer)),
+        ("gms_joint_n_state", integer, (pointer,)),
+        ("gms_joint_n_memory", integer, (pointer,)),
+        ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+library = _load()
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What an effect's source file says of itself."""
+
+    index: int
+    name: str
+    class_name: str
+    kind: str
+    doc: str
+    signature: str
+    experiment: str
+    parameters: tuple[Parameter, ...]
+    modulates: bool
+
+
+def _declaration(index: int) -> Declaration:
+    e = library.gms_effect(index).contents
+    parameters = tuple(
+        Parameter(
+            p.name.decode(), p.unit.decode(), p.fallback, p.lower, p.upper, p.free, p.per_element, p.share, p.doc.decode()
+        )
+        for p in e.parameters
+        if p.name
+    )
+    texts = (t.decode() for t in (e.name, e.class_name, e.kind, e.doc, e.signature, e.experiment))
+    return Declaration(index, *texts, parameters, bool(e.modulate))
+
+
+DECLARATIONS = tuple(_declaration(i) for i in range(library.gms_n_effects()))
+_INDEX = {d.name: d.index for d in DECLARATIONS}
+
+
+def _address(array: Array | None) -> Any:
+    return None if array is None else array.ctypes.data
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Torque of a joint along a motion.
+
+    Attributes:
+        torque: (n,) torque on the joint [N m].
+        parts: (n, n_effects) the share of each effect [N m].
+        states: (n, n_state) state after each sample, or None where not asked for.
+    """
+
+    torque: Array
+    parts: Array | None = None
+    states: Array | None = None
+
+
+class Joint:
+    """The native effects of one joint.
+
+    Args:
+        effects: (name, number of elements, packed parameters) of each.
+    """
+
+    def __init__(self, effects: Sequence[tuple[str, int, Array]]) -> None:
+        self._handle = library.gms_joint_new()
+        self.n_effects = len(effects)
+        for name, n, packed in effects:
+            p = np.ascontiguousarray(packed, float)
+            if library.gms_joint_add(self._handle, _INDEX[name], n, _address(p)):
+                raise EngineError(f"{name} with {n} elements needs more state than a joint holds")
+        self.n_state: int = library.gms_joint_n_state(self._handle)
+        self.n_memory: int = library.gms_joint_n_memory(self._handle)
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None) and library is not None:
+            library.gms_joint_delete(self._handle)
+
+    def replay(
+        self,
+        time: Array,
+        position: Array,
+        velocity: Array,
+        load: Array | None = None,
+        temperature: Array | None = None,
+        memory: Array | None = None,
+        parts: bool = False,
+        states: bool = False,
+    ) -> Replay:
+        """Torque along a given motion.
+
+        Args:
+            time, position, velocity: (n,) in [s], [rad], [rad/s].
+            load: (n,) normal load or transmitted torque [N m], optional.
+            temperature: (n,) [degC], optional.
+            memory: (n_memory,) state before the first sample, each in [-1, 1] of its level; None: never moved.
+            parts, states: whether to return the share of each effect and the states.
+        """
+        inputs = [
+            None if a is None else np.ascontiguousarray(a, float)
+            for a in (time, position, velocity, load, temperature, memory)
+        ]
+        n = len(time)
+        torque = np.empty(n)
+        shares = np.empty((n, self.n_effects)) if parts else None
+        history = np.empty((n, self.n_state)) if states else None
+        library.gms_joint_replay(
+            self._handle, n, *map(_address, inputs), _address(torque), _address(shares), _address(history)
+        )
+        return Replay(torque, shares, history)

@@ -1,0 +1,95 @@
+// The contract of a native effect: one physical cause of joint torque, one file in gms_mujoco/effects/.
+//
+// An effect file defines one constant `gms_effect_NAME`. CMake collects these into the catalogue; the MuJoCo
+// plug-in, the replay along a measured motion, the axis simulation and the Python classes all come from it.
+// Nothing else has to be edited to add an effect.
+#ifndef GMS_MUJOCO_NATIVE_EFFECT_H_
+#define GMS_MUJOCO_NATIVE_EFFECT_H_
+
+#include <cmath>
+#include <limits>
+
+namespace gms {
+
+constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kMaxParameters = 12;
+
+// What the joint does over one interval, in SI units (rad and N m for a hinge, m and N for a slide).
+struct Motion {
+  double position;      // at the end of the interval
+  double displacement;  // position at the end minus position at the beginning; 0 at the first instant
+  double velocity;      // at the end of the interval
+  double duration;      // length of the interval [s]; 0 at the first instant
+  double time;          // at the end of the interval [s]
+  double load;          // normal load or transmitted torque
+  double temperature;   // [degC]
+
+  // Mean velocity over the interval; friction takes its direction and its Stribeck level from this.
+  double rate() const { return duration > 0 ? displacement / duration : velocity; }
+};
+
+// Multipliers of the friction level in each direction of motion. Effects that modulate friction (asymmetry,
+// load, position, temperature) write them; every friction law scales its level by `at(direction)`.
+struct Level {
+  double forward = 1;
+  double backward = 1;
+  double at(double direction) const { return direction < 0 ? backward : forward; }
+};
+
+struct Parameter {
+  const char* name;
+  const char* unit;      // in hinge units; slide joints read m for rad and N for N m
+  double fallback;       // default value; NaN: has none, a fit or the user must give it
+  double lower, upper;   // closed bounds
+  bool per_element;      // one value per element instead of one for the effect
+  bool free;             // identified by default
+  const char* doc;
+  bool share = false;    // the values of all elements sum to 1; the default is equal shares
+};
+
+struct Effect {
+  const char* name;        // the file's name
+  const char* class_name;  // the Python class
+  const char* kind;        // "friction", "drive" or "mechanics"
+  const char* doc;         // equation and source
+  const char* signature;   // what a person sees on a plot when the model lacks it
+  const char* experiment;  // what to measure to bring it out
+  Parameter parameters[kMaxParameters];  // ends at the first without a name
+
+  // Number of doubles of state, and how many unknowns describe the state before the first sample.
+  int (*n_state)(int n);
+  int (*n_memory)(int n);
+
+  // Sets `state` from unknowns in [-1, 1] (0: never moved). Null where there is no memory.
+  void (*recall)(const double* p, int n, const double* unknown, double* state);
+
+  // Scales the level of the joint's friction laws. Null where the effect does not modulate friction.
+  void (*modulate)(const double* p, int n, const Motion& motion, Level& level);
+
+  // Torque on the joint [N m] at the end of the interval, and the state there. `state` and `next` may not
+  // overlap. With zero displacement and zero duration the state does not change. Null: no torque of its own.
+  double (*torque)(const double* p, int n, const Motion& motion, const Level& level,
+                   const double* state, double* next);
+};
+
+// The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per
+// element, else one. `n_state` and `n_memory` are null where there is none.
+
+extern const Effect* const kCatalogue[];
+extern const int kCatalogueSize;
+
+inline double sign(double x) { return (x > 0) - (x < 0); }
+
+// Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
+// 2014, equation 1, without its viscous term).
+inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta) {
+  if (static_level == coulomb) return coulomb;
+  const double x = std::fabs(v) / vs;
+  const double y = delta == 1 ? x : delta == 2 ? x * x : std::pow(x, delta);
+  return coulomb + (static_level - coulomb) * std::exp(-y);
+}
+
+}  // namespace gms
+
+#endif  // GMS_MUJOCO_NATIVE_EFFECT_H_

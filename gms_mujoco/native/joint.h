@@ -1,0 +1,56 @@
+// The friction of one joint: a list of effects over one state vector.
+#ifndef GMS_MUJOCO_NATIVE_JOINT_H_
+#define GMS_MUJOCO_NATIVE_JOINT_H_
+
+#include <string>
+#include <vector>
+
+#include "effect.h"
+
+namespace gms {
+
+const Effect* find_effect(const std::string& name);  // null where the catalogue has none
+
+// Where a joint is at one instant.
+struct Sample {
+  double time, position, velocity;
+  double load = 0, temperature = 0;
+};
+
+// State vector: the position and the time at which the state holds (NaN before the first sample), then the
+// state of each effect in order. Anchoring the state on the position makes evaluation idempotent: repeated
+// calls at one position change nothing, and a call at an intermediate stage sees the motion since the anchor.
+class Joint {
+ public:
+  struct Use {
+    const Effect* effect;
+    int n;                  // elements
+    std::vector<double> p;  // parameters in the order of the effect's table
+    int state;              // offset into the state vector
+  };
+
+  static constexpr int kAnchor = 2;
+  static constexpr int kMaxState = 512;
+
+  void add(const Effect* effect, int n, const double* p);
+  int n_state() const { return n_state_; }
+  int n_memory() const { return n_memory_; }
+  const std::vector<Use>& uses() const { return uses_; }
+
+  void reset(double* state) const;
+  // Sets the state before the first sample from unknowns in [-1, 1].
+  void recall(const double* unknown, double* state) const;
+
+  // Torque on the joint at `now`, given the state at the anchor. Writes the state at `now` to `next` (may be
+  // null) and the torque of each effect to `parts` (may be null). `state` and `next` may not overlap.
+  double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const;
+
+ private:
+  std::vector<Use> uses_;
+  int n_state_ = kAnchor;
+  int n_memory_ = 0;
+};
+
+}  // namespace gms
+
+#endif  // GMS_MUJOCO_NATIVE_JOINT_H_

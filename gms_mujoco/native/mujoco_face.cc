@@ -1,0 +1,1 @@
+// What MuJoCo calls: the engine plug-in and the control callback.

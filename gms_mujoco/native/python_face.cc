@@ -1,0 +1,55 @@
+// What Python calls through ctypes: the catalogue, and one joint built, replayed and freed.
+#include <algorithm>
+#include <vector>
+
+#include "effect.h"
+#include "joint.h"
+
+#if defined(_WIN32)
+#define GMS_API extern "C" __declspec(dllexport)
+#else
+#define GMS_API extern "C" __attribute__((visibility("default")))
+#endif
+
+using gms::Joint;
+
+GMS_API int gms_n_effects() { return gms::kCatalogueSize; }
+
+GMS_API const gms::Effect* gms_effect(int i) { return gms::kCatalogue[i]; }
+
+GMS_API Joint* gms_joint_new() { return new Joint; }
+
+GMS_API void gms_joint_delete(Joint* joint) { delete joint; }
+
+// Adds effect number `effect` of the catalogue; returns 0, or -1 where the state would grow too large.
+GMS_API int gms_joint_add(Joint* joint, int effect, int n, const double* p) {
+  const gms::Effect* e = gms::kCatalogue[effect];
+  if (joint->n_state() + (e->n_state ? e->n_state(n) : 0) > Joint::kMaxState) return -1;
+  joint->add(e, n, p);
+  return 0;
+}
+
+GMS_API int gms_joint_n_state(const Joint* joint) { return joint->n_state(); }
+GMS_API int gms_joint_n_memory(const Joint* joint) { return joint->n_memory(); }
+
+// Torque of the joint at n samples of a given motion, starting from `memory` (n_memory unknowns in [-1, 1];
+// null: never moved). `load` and `temperature` may be null. `parts`, n x n_effects, and `states`, n x n_state,
+// may be null.
+GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, const double* position,
+                              const double* velocity, const double* load, const double* temperature,
+                              const double* memory, double* torque, double* parts, double* states) {
+  const int n_state = joint->n_state(), n_parts = static_cast<int>(joint->uses().size());
+  std::vector<double> state(n_state), next(n_state);
+  if (memory) {
+    joint->recall(memory, state.data());
+  } else {
+    joint->reset(state.data());
+  }
+  for (int k = 0; k < n; k++) {
+    const gms::Sample now{time[k], position[k], velocity[k], load ? load[k] : 0,
+                          temperature ? temperature[k] : 0};
+    torque[k] = joint->torque(now, state.data(), next.data(), parts ? parts + k * n_parts : nullptr);
+    state.swap(next);
+    if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
+  }
+}

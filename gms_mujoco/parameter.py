@@ -1,0 +1,29 @@
+"""Parameter: what one number of an effect means."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Declaration of one parameter.
+
+    Attributes:
+        name: as written in `model.toml`.
+        unit: SI, for a hinge (a slide joint reads m for rad and N for N m).
+        default: value where none is given; NaN: none, a fit or the user must give it.
+        lower, upper: closed bounds.
+        free: whether a fit identifies it unless told otherwise.
+        per_element: one value per element of the effect instead of one for the effect.
+        share: the values of all elements sum to 1.
+        doc: symbol and meaning.
+    """
+
+    name: str
+    unit: str
+    default: float = float("nan")
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    free: bool = True
+    per_element: bool = False
+    share: bool = False
+    doc: str = ""

@@ -1,0 +1,202 @@
+"""Plant: one axis, inertia plus effects. `plant + effect` is a new plant."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import effects, native
+from .effect import Effect
+from .errors import ModelError, listing
+from .files import write_text
+
+if TYPE_CHECKING:
+    import mujoco
+
+JOINT_KINDS = ("hinge", "slide")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """An axis as a frozen value.
+
+    Attributes:
+        inertia: [kg m^2] for a hinge, [kg] for a slide; None until a fit has identified it.
+        effects: each physical cause once, in the order in which they were added.
+        kind: "hinge" (rad, N m) or "slide" (m, N).
+        inertia_known: given, not identified: a fit leaves it as it is.
+        uncertainty: 95 % interval of each identified parameter by its name "effect.parameter" (or
+            "effect.parameter[i]", "inertia").
+        provenance: from which data and with which version the parameters come.
+    """
+
+    inertia: float | None
+    effects: tuple[Effect, ...] = ()
+    kind: str = "hinge"
+    inertia_known: bool = True
+    uncertainty: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.kind not in JOINT_KINDS:
+            raise ModelError(f"joint kind must be one of {listing(JOINT_KINDS)}; {self.kind!r} given")
+        if self.inertia is not None and not (math.isfinite(self.inertia) and self.inertia > 0):
+            raise ModelError(f"inertia must be a positive number [kg m^2]; {self.inertia!r} given")
+        names = [e.name for e in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise ModelError(f"the plant has {name} already; change it with plant.replace({name}(...))")
+
+    @classmethod
+    def axis(cls, inertia: float | None = None, kind: str = "hinge") -> Plant:
+        """A bare axis. Without `inertia` a fit identifies it."""
+        return cls(inertia, (), kind, inertia is not None)
+
+    def __add__(self, effect: Effect) -> Plant:
+        if not isinstance(effect, Effect):
+            return NotImplemented
+        return replace(self, effects=(*self.effects, effect))
+
+    def __contains__(self, name: str) -> bool:
+        return any(e.name == name for e in self.effects)
+
+    def __getitem__(self, name: str) -> Effect:
+        for e in self.effects:
+            if e.name == name:
+                return e
+        raise ModelError(f"the plant has no {name!r}; its effects are {listing(e.name for e in self.effects)}")
+
+    def replace(self, effect: Effect) -> Plant:
+        """The same plant with the effect of that name exchanged."""
+        _ = self[effect.name]
+        return replace(self, effects=tuple(effect if e.name == effect.name else e for e in self.effects))
+
+    def without(self, name: str) -> Plant:
+        """The same plant with one effect taken away."""
+        _ = self[name]
+        return replace(self, effects=tuple(e for e in self.effects if e.name != name))
+
+    @property
+    def unset(self) -> tuple[str, ...]:
+        """Names of the parameters that have no value yet."""
+        inertia = ("inertia",) if self.inertia is None else ()
+        return inertia + tuple(f"{e.name}.{p}" for e in self.effects for p in e.unset)
+
+    def complete(self) -> Plant:
+        """Itself; raises ModelError naming the parameters that have no value yet."""
+        if self.unset:
+            raise ModelError(f"these parameters have no value yet: {listing(self.unset)}; give them, or fit first")
+        return self
+
+    def joint(self) -> native.Joint:
+        """The native effects of this plant, ready to be replayed."""
+        return native.Joint([(e.name, e.elements, e.packed) for e in self.effects if e.is_native])
+
+    def attach(self, spec: mujoco.MjSpec, joint: str | Iterable[str]) -> None:
+        """Puts the effects of this plant on joints of a MuJoCo model; see `gms_mujoco.attach`."""
+        from .engine import attach
+
+        attach(spec, {name: self for name in ([joint] if isinstance(joint, str) else joint)})
+
+    def save(self, path: str | Path) -> None:
+        """Writes `model.toml`."""
+        write_text(path, self.to_toml())
+
+    def to_toml(self) -> str:
+        """The text of `model.toml`, with the unit and meaning of each number as comments."""
+        unit = "kg m^2" if self.kind == "hinge" else "kg"
+        lines = ["[axis]"]
+        if self.kind != "hinge":
+            lines.append(f'kind = "{self.kind}"')
+        if self.inertia is not None:
+            lines.append(f"inertia = {self.inertia!r}  # {unit}" + ("" if self.inertia_known else ", identified"))
+        if not self.inertia_known:
+            lines.append("inertia_known = false")
+        for e in self.effects:
+            lines += ["", f"[effects.{e.name}]"]
+            for p in e.parameters:
+                value = e.values[p.name]
+                text = f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
+                lines.append(f"{p.name} = {text}  # {slide_unit(p.unit) if self.kind == 'slide' else p.unit}, {p.doc}")
+        if self.uncertainty:
+            lines += ["", "[uncertainty]  # 95 % intervals"]
+            lines += [f'"{k}" = [{lo!r}, {hi!r}]' for k, (lo, hi) in self.uncertainty.items()]
+        if self.provenance:
+            lines += ["", "[provenance]"]
+            lines += [f"{k} = {_toml_value(v)}" for k, v in self.provenance.items()]
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def load(cls, path: str | Path) -> Plant:
+        """Reads `model.toml`.
+
+        Raises:
+            ModelError: the file is missing, is not TOML, or names what does not exist.
+        """
+        path = Path(path)
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise ModelError(f"{path}: no such file") from None
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise ModelError(f"{path}: not a readable TOML file ({error})") from None
+        try:
+            return cls.from_table(table)
+        except ModelError as error:
+            raise ModelError(f"{path}: {error}") from None
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> Plant:
+        """A plant from the contents of `model.toml`."""
+        _only(table, ("axis", "effects", "uncertainty", "provenance"), "table")
+        axis = _table(table, "axis")
+        _only(axis, ("inertia", "kind", "inertia_known"), "key in [axis]")
+        inertia = axis.get("inertia")
+        if inertia is not None and (isinstance(inertia, bool) or not isinstance(inertia, int | float)):
+            raise ModelError(f"axis.inertia must be a number [kg m^2]; {inertia!r} given")
+        built = []
+        for name, values in _table(table, "effects").items():
+            if not isinstance(values, Mapping):
+                raise ModelError(f"effects.{name} must be a table of parameters; {values!r} given")
+            built.append(effects.find(name)(**values))
+        return cls(
+            inertia,
+            tuple(built),
+            axis.get("kind", "hinge"),
+            bool(axis.get("inertia_known", inertia is not None)),
+            {k: (float(v[0]), float(v[1])) for k, v in _table(table, "uncertainty").items()},
+            dict(_table(table, "provenance")),
+        )
+
+
+def slide_unit(unit: str) -> str:
+    """The unit that a slide joint reads for a hinge joint's."""
+    return unit.replace("N m", "N").replace("rad", "m").replace("kg m^2", "kg")
+
+
+def _only(table: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:
+    for key in table:
+        if key not in names:
+            raise ModelError(f"unknown {what}: {key!r}; expected {listing(names)}")
+
+
+def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = table.get(key, {})
+    if not isinstance(value, Mapping):
+        raise ModelError(f"{key} must be a table; {value!r} given")
+    return value
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{text}"'

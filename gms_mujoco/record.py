@@ -1,0 +1,107 @@
+"""Record: one run of one axis, measured or simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError, listing
+
+Array = NDArray[np.float64]
+
+USES = ("fit", "select", "validate")
+
+# The signals of a hinge joint and their units; a slide joint reads m for rad and N for N m.
+UNITS: Mapping[str, str] = {
+    "time": "s",
+    "torque": "N m",
+    "position": "rad",
+    "velocity": "rad/s",
+    "load": "N m",
+    "temperature": "degC",
+}
+REQUIRED = ("torque", "position")
+
+
+@dataclass(frozen=True)
+class Record:
+    """Equally spaced samples of one run; a frozen value.
+
+    Attributes:
+        name: where it comes from, for messages and plots.
+        time: (n,) [s], equally spaced.
+        signals: (n,) each, by the names in `UNITS`. `torque` is what the drive was told (or measured) to apply
+            from each sample to the next; `position` is read at the sample.
+        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).
+        resolution: position of one encoder count [rad or m], None where unknown.
+
+    Raises:
+        DataError: a signal is missing, has another length, is not finite, or time does not run forward evenly.
+    """
+
+    name: str
+    time: Array
+    signals: Mapping[str, Array]
+    use: str = "fit"
+    resolution: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.use not in USES:
+            raise DataError(f"{self.name}: use must be one of {listing(USES)}; {self.use!r} given")
+        for key in REQUIRED:
+            if key not in self.signals:
+                raise DataError(f"{self.name}: no {key!r} signal; it has {listing(self.signals)}")
+        for key, value in {"time": self.time, **self.signals}.items():
+            if key not in UNITS:
+                raise DataError(f"{self.name}: unknown signal {key!r}; the signals are {listing(UNITS)}")
+            if np.shape(value) != np.shape(self.time) or np.ndim(value) != 1:
+                raise DataError(f"{self.name}: {key} has shape {np.shape(value)}, time has {np.shape(self.time)}")
+            bad = np.flatnonzero(~np.isfinite(value))
+            if len(bad):
+                raise DataError(f"{self.name}: {key} is not a finite number at sample {bad[0]} ({len(bad)} such)")
+        if len(self.time) < 16:
+            raise DataError(f"{self.name}: {len(self.time)} samples; at least 16 are needed")
+        step = np.diff(self.time)
+        back = np.flatnonzero(step <= 0)
+        if len(back):
+            raise DataError(
+                f"{self.name}: time does not run forward at sample {back[0] + 1} "
+                f"({self.time[back[0]]:g} s, then {self.time[back[0] + 1]:g} s)"
+            )
+        if np.ptp(step) > 0.02 * self.sample_time:
+            worst = int(np.argmax(np.abs(step - self.sample_time)))
+            raise DataError(
+                f"{self.name}: samples must be equally spaced; the step is {self.sample_time:g} s on average "
+                f"but {step[worst]:g} s at sample {worst + 1}"
+            )
+
+    @property
+    def sample_time(self) -> float:
+        """Time from one sample to the next [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def torque(self) -> Array:
+        """(n,) torque applied from each sample to the next [N m]."""
+        return self.signals["torque"]
+
+    @property
+    def position(self) -> Array:
+        """(n,) position read at each sample [rad]."""
+        return self.signals["position"]
+
+    def get(self, signal: str) -> Array | None:
+        """(n,) signal by name, None where it was not recorded."""
+        return self.signals.get(signal)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def slice(self, start: int, stop: int, **changes: object) -> Self:
+        """Samples `start` to `stop` as a record of their own."""
+        cut = {k: v[start:stop] for k, v in self.signals.items()}
+        return replace(self, time=self.time[start:stop], signals=cut, **changes)  # type: ignore[arg-type]
