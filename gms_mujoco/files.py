@@ -2,30 +2,53 @@
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import GmsError
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes `text` to `path`: first to a temporary file beside it, then renamed.
+    """Writes `text` to `path` in UTF-8; see `whole`."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Writes `data` to `path`; see `whole`."""
+    with whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+@contextmanager
+def whole(path: str | Path) -> Iterator[Path]:
+    """A temporary file beside `path` that takes its name when the block ends well and is deleted when it does not.
 
     Raises:
         GmsError: the folder does not exist or cannot be written.
     """
     path = Path(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent or ".")
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(text)
+            yield Path(name)
             os.chmod(name, 0o666 & ~_umask())
             os.replace(name, path)
         except BaseException:
-            os.unlink(name)
+            Path(name).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise GmsError(f"{path}: cannot be written ({error.strerror})") from None
+        raise GmsError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def make_folder(path: str | Path) -> Path:
+    """The folder `path`, made where it does not exist; raises GmsError where it cannot be made."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise GmsError(f"{path}: the folder cannot be made ({error.strerror or error})") from None
+    return Path(path)
 
 
 def _umask() -> int:

@@ -1,0 +1,121 @@
+"""Readers of measured data: one file per format, reached by suffix.
+
+A module of this folder is a format. Joining the folder is all it takes: `read` finds it, and the contract tests
+(`tests/test_formats.py`) run over it. It defines
+
+    SUFFIXES: tuple of file endings in lower case, such as (".csv", ".csv.gz")
+    read(path) -> Table: the raw columns of the file, neither scaled nor renamed
+    write(path, columns) -> None: the same columns as such a file (tests and examples need one)
+
+`read` raises DataError for whatever is wrong with the content. Formats that can run code (pickle) have no place here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, GmsError, listing
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The raw columns of one file; a frozen value.
+
+    Attributes:
+        columns: (n,) each, in the order of the file. Where the file names none they are "0", "1", ...
+        unusable: columns that are not numbers, and why ("line 7: 'off' is not a number").
+        named: False where the file has no names for its columns.
+        lines: (n,) line of the file where each sample stands, counted from 1; None where there are no lines.
+    """
+
+    columns: Mapping[str, Array]
+    unusable: Mapping[str, str] = field(default_factory=dict)
+    named: bool = True
+    lines: NDArray[np.int64] | None = None
+
+    def place(self, sample: int) -> str:
+        """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
+        return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
+
+
+@cache
+def suffixes() -> dict[str, ModuleType]:
+    """Every readable file ending and the format that reads it."""
+    modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
+    return {suffix: m for m in modules if hasattr(m, "SUFFIXES") for suffix in m.SUFFIXES}
+
+
+def find(path: str | Path) -> ModuleType:
+    """The format of a file by its suffix; raises DataError naming those that exist."""
+    name = Path(path).name.lower()
+    for suffix in sorted(suffixes(), key=len, reverse=True):  # .csv.gz before .gz
+        if name.endswith(suffix):
+            return suffixes()[suffix]
+    raise DataError(f"{path}: no reader for this kind of file; readable are {listing(suffixes())}")
+
+
+def read(path: str | Path) -> Table:
+    """The raw columns of a file.
+
+    Raises:
+        DataError: no such file, no reader for its suffix, or content that cannot be read; names file and line.
+    """
+    path = Path(path)
+    module = find(path)
+    if not os.path.isfile(path):
+        raise DataError(f"{path}: no such file")
+    try:
+        if path.stat().st_size == 0:
+            raise DataError(f"{path}: the file is empty; expected columns of numbers")
+        table: Table = module.read(path)
+    except GmsError:
+        raise
+    except Exception as error:  # the parsers below raise anything on garbage; for the user it is one thing
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise DataError(f"{path}: cannot be read as {path.suffix[1:]} ({reason[:200]})") from error
+    if not table.columns:
+        why = "; ".join(f"{k}: {v}" for k, v in list(table.unusable.items())[:3])
+        raise DataError(f"{path}: no columns of numbers" + (f" ({why})" if why else ""))
+    return table
+
+
+def write(path: str | Path, columns: Mapping[str, Array]) -> None:
+    """Writes columns of equal length to a file of the format that its suffix names."""
+    find(path).write(Path(path), {k: np.asarray(v, float) for k, v in columns.items()})
+
+
+def unpack(arrays: Mapping[str, object]) -> Table:
+    """Named arrays of any shape as columns.
+
+    (n,), (n, 1) and (1, n) are a column; of (n, m) and (m, n) the longer side is time and the columns are
+    "name.0", "name.1", ...; single numbers, text and complex numbers are unusable.
+    """
+    columns: dict[str, Array] = {}
+    unusable: dict[str, str] = {}
+    for name, value in arrays.items():
+        array = np.asarray(value)
+        if array.dtype.kind not in "bifu":
+            what = "complex numbers" if array.dtype.kind == "c" else "no numbers"
+            unusable[name] = f"it holds {what}"
+        elif array.size < 2:
+            unusable[name] = "it is a single number" if array.size else "it is empty"
+        elif array.ndim == 1 or max(array.shape) == array.size:
+            columns[name] = array.ravel().astype(float)
+        elif array.ndim == 2:
+            rows = array.T if array.shape[0] >= array.shape[1] else array
+            columns.update({f"{name}.{i}": row.astype(float) for i, row in enumerate(rows)})
+        else:
+            unusable[name] = f"it has {array.ndim} dimensions"
+    return Table(columns, unusable)

@@ -1,0 +1,109 @@
+"""Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
+
+Lines that start with # or % before the table are comments. With semicolons a decimal comma is understood.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv
+
+from ..errors import DataError
+from ..files import write_bytes
+from . import Array, Table
+
+SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
+
+
+def read(path: Path) -> Table:
+    lines = _text(path).splitlines()
+    start = next((i for i, s in enumerate(lines) if s.strip() and s.lstrip()[0] not in "#%"), None)
+    if start is None:
+        raise DataError(f"{path}: the file is empty; expected columns of numbers")
+    # What is read, with the line it stands on: empty lines are no samples.
+    kept = [(i + 1, s) for i, s in enumerate(lines[start:], start) if s.strip()]
+    separator = next((c for c in ";\t," if c in kept[0][1]), " ")
+    if separator == " ":
+        kept = [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
+    comma = separator == ";" and any("," in s for _, s in kept[1:3])
+    first = [s.strip().strip('"') for s in kept[0][1].split(separator)]
+    named = not all(_is_number(s.replace(",", ".") if comma else s) for s in first)
+    names = first if named else [str(i) for i in range(len(first))]
+    for name in names:
+        if names.count(name) > 1:
+            raise DataError(f"{path}: line {kept[0][0]}: two columns are called {name!r}")
+    samples = kept[1:] if named else kept
+    if not samples:
+        raise DataError(f"{path}: the file has a header but no samples")
+    for i, s in samples:
+        fields = s.count(separator) + 1
+        if fields != len(names) and '"' not in s:
+            raise DataError(f"{path}: line {i}: {fields} columns; expected {len(names)}")
+    table = csv.read_csv(
+        io.BytesIO("\n".join(s for _, s in samples).encode()),
+        csv.ReadOptions(column_names=names, use_threads=False),
+        csv.ParseOptions(delimiter=separator),
+        csv.ConvertOptions(decimal_point="," if comma else ".", strings_can_be_null=True),
+    )
+    if len(table) != len(samples):
+        raise DataError(f"{path}: {len(samples)} lines read as {len(table)} samples; quoted text spans lines")
+    columns: dict[str, Array] = {}
+    unusable: dict[str, str] = {}
+    for name in names:
+        column, wrong = _numbers(table[name])
+        if column is None:
+            unusable[name] = f"line {samples[wrong][0]}: {table[name][wrong].as_py()!r} is not a number"
+        else:
+            columns[name] = column
+    return Table(columns, unusable, named, np.array([i for i, _ in samples]))
+
+
+def write(path: Path, columns: Mapping[str, Array]) -> None:
+    rows = zip(*(map(repr, v.tolist()) for v in columns.values()), strict=True)
+    text = "\n".join([",".join(columns), *map(",".join, rows)]) + "\n"
+    data = text.encode()
+    write_bytes(path, gzip.compress(data, mtime=0) if path.name.lower().endswith(".gz") else data)
+
+
+def _text(path: Path) -> str:
+    data = path.read_bytes()
+    if path.name.lower().endswith(".gz"):
+        data = gzip.decompress(data)
+    if b"\0" in data[:4096]:
+        raise DataError(f"{path}: not a text file; expected columns of numbers")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")  # a degree or micro sign in a header from a Windows machine
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return text == ""
+    return True
+
+
+def _numbers(column: pa.ChunkedArray) -> tuple[Array | None, int]:
+    """A column as numbers, or the first sample that is none."""
+    if pa.types.is_string(column.type):
+        column = pc.utf8_trim_whitespace(column)
+        try:
+            return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False)), 0
+        except pa.ArrowInvalid:
+            cells = column.to_pylist()
+            return None, next((i for i, s in enumerate(cells) if s is not None and not _is_number(s)), 0)
+    if pa.types.is_null(column.type):
+        return np.full(len(column), np.nan), 0
+    if pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
+        return np.asarray(pc.cast(column, pa.float64(), safe=False).to_numpy(zero_copy_only=False)), 0
+    return None, 0

@@ -1,0 +1,57 @@
+"""Servo logs in JSON: a list of samples, each an object with the same numeric fields.
+
+The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos); a
+document of equally long lists is read as columns. Single numbers beside them are no columns.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..files import write_text
+from . import Array, Table
+
+SUFFIXES = (".json",)
+
+
+def read(path: Path) -> Table:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise DataError(f"{path}: line {error.lineno}: not JSON ({error.msg})") from None
+    except RecursionError:
+        raise DataError(f"{path}: not a servo log (nested too deeply)") from None
+    entries = document.get("entries") if isinstance(document, dict) else document
+    columns: dict[str, Array] = {}
+    unusable: dict[str, str] = {}
+    if isinstance(entries, list):
+        if not all(isinstance(e, dict) for e in entries):
+            raise DataError(f"{path}: every sample must be an object with named fields")
+        lists = {k: [e.get(k) for e in entries] for k in (entries[0] if entries else {})}
+    elif isinstance(document, dict):
+        lists = {k: v for k, v in document.items() if isinstance(v, list)}
+    else:
+        raise DataError(f"{path}: expected 'entries', a list of samples; found {type(document).__name__}")
+    for name, values in lists.items():
+        wrong = next((i for i, v in enumerate(values) if not isinstance(v, int | float)), None)
+        if wrong is None:
+            columns[name] = np.array([float(v) for v in values])
+        else:
+            unusable[name] = f"sample {wrong}: {_short(values[wrong])} is not a number"
+    return Table(columns, unusable)
+
+
+def write(path: Path, columns: Mapping[str, Array]) -> None:
+    rows = zip(*(v.tolist() for v in columns.values()), strict=True)
+    write_text(path, json.dumps({"entries": [dict(zip(columns, row, strict=True)) for row in rows]}))
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) < 40 else text[:37] + "..."

@@ -1,0 +1,70 @@
+"""Time stamps of real logs: an even grid where they have one, made even where they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError
+
+Array = NDArray[np.float64]
+
+HELD = ("torque", "current")  # the drive holds these from one sample to the next
+LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
+_EVEN = 0.02  # steps that differ by less than this part are even
+
+
+def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, Array], str | None]:
+    """Signals on an even time grid.
+
+    Steps that differ by less than 2 % are left as they are. Stamps that are an even grid rounded to fewer digits
+    get the grid back. Anything else (jitter, dropped samples) is resampled at the median step: torque and current
+    hold their last value, the others are interpolated linearly.
+
+    Args:
+        time: (n,) [s], strictly increasing.
+        signals: (n,) each.
+
+    Returns:
+        time, signals, and a sentence about what was done, None where nothing was.
+
+    Raises:
+        DataError: a gap of more than 20 sample times.
+    """
+    step = np.diff(time)
+    mean = (time[-1] - time[0]) / len(step)
+    if np.ptp(step) <= _EVEN * mean:
+        return time, dict(signals), None
+    grid = time[0] + mean * np.arange(len(time))
+    rounding = _rounding(time, mean)
+    if rounding and np.abs(time - grid).max() <= 1.1 * rounding:
+        return grid, dict(signals), f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
+    h = float(np.median(step))
+    worst = int(np.argmax(step))
+    if step[worst] > LONGEST_GAP * h:
+        raise DataError(
+            f"a gap of {step[worst]:.4g} s after {time[worst]:.6g} s, where samples are {h:.4g} s apart; "
+            "cut the run there into two files"
+        )
+    uneven = int((np.abs(step - h) > _EVEN * h).sum())
+    even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)
+    last = np.searchsorted(time, even + 1e-3 * h, side="right") - 1
+    resampled = {k: v[last] if k in HELD else np.interp(even, time, v) for k, v in signals.items()}
+    note = (
+        f"{uneven} of {len(step)} time steps differ from {h:.4g} s by more than 2 % (the longest is "
+        f"{step[worst]:.4g} s): resampled evenly, torque held, the rest interpolated"
+    )
+    return even, resampled, note
+
+
+def _rounding(time: Array, mean: float) -> float | None:
+    """The decimal digit to which all stamps are rounded [s], where it is coarse enough to matter, else None."""
+    for exponent in range(0, -10, -1):
+        digit = 10.0**exponent
+        if digit <= 0.5 * mean:  # coarser ones would make stamps coincide
+            ticks = time / digit
+            if np.abs(ticks - np.round(ticks)).max() < 1e-3:
+                return digit if digit > _EVEN / 2 * mean else None
+    return None

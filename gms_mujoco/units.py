@@ -1,0 +1,74 @@
+"""Units that a measurement may come in, and their factors into SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from .errors import DataError, listing
+
+_REV = 2 * math.pi
+_LBF, _INCH = 4.4482216152605, 0.0254
+COUNTS = ("count", "counts")  # encoder counts: their size is a property of the axis
+
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
+          "rev": _REV, "turn": _REV}
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
+_TORQUE = {"Nm": 1.0, "kNm": 1e3, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665,
+           "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16}
+_FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
+_CURRENT = {"A": 1.0, "mA": 1e-3, "uA": 1e-6}
+_SPEED = {f"{unit}/s": factor for unit, factor in _ANGLE.items()} | {"rpm": _REV / 60, "rev/min": _REV / 60}
+_RATE = {f"{unit}/s": factor for unit, factor in _LENGTH.items()}
+
+# Unit tables of each column: of a hinge joint, of a slide joint.
+_TABLES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
+    "time": (_TIME, _TIME),
+    "position": (_ANGLE, _LENGTH),
+    "velocity": (_SPEED, _RATE),
+    "torque": (_TORQUE, _FORCE),
+    "load": (_TORQUE, _FORCE),
+    "current": (_CURRENT, _CURRENT),
+}
+_CELSIUS, _FAHRENHEIT = (1.0, 0.0), (5 / 9, -160 / 9)  # factor, offset
+_TEMPERATURE = {"degC": _CELSIUS, "C": _CELSIUS, "K": (1.0, -273.15), "degF": _FAHRENHEIT, "F": _FAHRENHEIT}
+
+
+def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[float, float]:
+    """Factor and offset that turn a number in `unit` into SI.
+
+    Args:
+        unit: as written in `dataset.toml`; blanks, "*" and "." between its parts do not matter.
+        column: the column it belongs to, "position", "torque" ...
+        kind: joint kind, "hinge" or "slide".
+        count: one encoder count [rad or m], None where unknown.
+
+    Raises:
+        DataError: an unknown unit, or a unit of something else.
+    """
+    known = _known(column, kind)
+    spelled = unit
+    for mark in (" ", "*", "·", "."):
+        spelled = spelled.replace(mark, "")
+    if spelled in known:
+        return known[spelled]
+    if column in ("position", "velocity") and spelled.removesuffix("/s") in COUNTS:
+        if spelled.endswith("/s") != (column == "velocity"):
+            raise DataError(f"{unit!r} does not measure {column}; expected one of {listing(known)}")
+        if count is None:
+            key = "encoder_counts_per_rev" if kind == "hinge" else "encoder_resolution"
+            raise DataError(f"{unit!r} needs axis.{key}, which is not given")
+        return count, 0.0
+    for other in (*_TABLES, "temperature"):
+        for joint in ("hinge", "slide"):
+            if spelled in _known(other, joint):
+                what = f"{other} of a {joint} joint"
+                raise DataError(f"{unit!r} measures {what}, not {column} of a {kind} joint; expected {listing(known)}")
+    raise DataError(f"unknown unit {unit!r}; {column} of a {kind} joint takes {listing(known)}")
+
+
+def _known(column: str, kind: str) -> Mapping[str, tuple[float, float]]:
+    if column == "temperature":
+        return _TEMPERATURE
+    return {unit: (factor, 0.0) for unit, factor in _TABLES[column][kind == "slide"].items()}
