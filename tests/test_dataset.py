@@ -1,0 +1,322 @@
+"""Measurement sets: numbers reach SI untouched, and whatever is wrong ends in one line that names the place."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gms_mujoco import formats
+from gms_mujoco.dataset import Dataset, load
+from gms_mujoco.errors import DataError
+
+N = 200
+TIME = np.arange(N) * 1e-3
+RUN = {"time": TIME, "torque": np.sin(40 * TIME), "position": 0.1 * np.cos(30 * TIME)}
+AXIS = "[axis]\ninertia = 2.4e-5\n"
+RECORD = '[[record]]\nfile = "run.csv"\n'
+anyhow = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def dataset(folder: Path, text: str, **columns: np.ndarray) -> Dataset:
+    """A measurement set with one file, `run.csv`."""
+    formats.write(folder / "run.csv", columns or RUN)
+    (folder / "dataset.toml").write_text(text, encoding="utf-8")
+    return load(folder)
+
+
+def refuses(folder: Path, text: str, *words: str, **columns: np.ndarray) -> None:
+    """The set is refused in one line that has all the words."""
+    with pytest.raises(DataError) as caught:
+        dataset(folder, text, **columns)
+    message = str(caught.value)
+    assert "\n" not in message and "dataset.toml" in message
+    for word in words:
+        assert word in message, message
+
+
+# What comes in.
+
+
+def test_a_plain_set_is_read_as_it_stands(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n' + RECORD + 'use = "validate"\n')
+    assert (runs.kind, runs.inertia, runs.notes) == ("hinge", 2.4e-5, ())
+    assert [r.use for r in runs.records] == ["fit", "validate"] and runs.select == ()
+    for key, value in RUN.items():
+        got = runs.fit[0].time if key == "time" else runs.fit[0].signals[key]
+        assert np.array_equal(got, value)
+    assert load(tmp_path / "dataset.toml").records[0].name == "run.csv"
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "factor"),
+    [
+        ("position", "deg", np.pi / 180),
+        ("position", "rev", 2 * np.pi),
+        ("position", "counts", 2 * np.pi / 4096),
+        ("position", "mrad", 1e-3),
+        ("torque", "mN m", 1e-3),
+        ("torque", "Nmm", 1e-3),
+        ("torque", "N*m", 1.0),
+        ("time", "ms", 1e-3),
+        ("time", "us", 1e-6),
+        ("velocity", "rpm", 2 * np.pi / 60),
+        ("velocity", "counts/s", 2 * np.pi / 4096),
+        ("load", "kgf cm", 0.0980665),
+    ],
+)
+def test_units_become_si(column: str, unit: str, factor: float, tmp_path: Path) -> None:
+    raw = {**RUN, "velocity": np.cos(TIME), "load": np.sin(TIME)}
+    text = f'[axis]\nencoder_counts_per_rev = 4096\n{RECORD}use = "fit"\nunits = {{ {column} = "{unit}" }}\n'
+    record = dataset(tmp_path, text, **raw).fit[0]
+    got = record.time if column == "time" else record.signals[column]
+    assert np.allclose(got, factor * raw[column], rtol=1e-12, atol=0)
+    assert record.resolution == 2 * np.pi / 4096
+
+
+@pytest.mark.parametrize(("unit", "celsius"), [("K", -273.15), ("degF", -160 / 9), ("degC", 0.0)])
+def test_temperature_has_an_offset(unit: str, celsius: float, tmp_path: Path) -> None:
+    text = AXIS + RECORD + f'use = "fit"\nunits = {{ temperature = "{unit}" }}\n'
+    record = dataset(tmp_path, text, **RUN, temperature=np.zeros(N)).fit[0]
+    assert np.allclose(record.signals["temperature"], celsius)
+
+
+def test_current_times_torque_constant_is_torque(tmp_path: Path) -> None:
+    text = "[axis]\ntorque_constant = 0.2\n" + RECORD + 'use = "fit"\nunits = { current = "mA" }\n'
+    record = dataset(tmp_path, text, time=TIME, current=RUN["torque"], position=RUN["position"]).fit[0]
+    assert np.allclose(record.torque, 0.2e-3 * RUN["torque"]) and "current" not in record.signals
+
+
+def test_columns_are_renamed_and_scaled(tmp_path: Path) -> None:
+    text = '[axis]\nkind = "slide"\n' + RECORD + (
+        'use = "fit"\ncolumns = { time = "t", torque = "vir", position = "qm" }\nscale = { torque = 35.1507 }\n'
+    )
+    runs = dataset(tmp_path, text, t=TIME, vir=RUN["torque"], qm=RUN["position"])
+    assert runs.kind == "slide" and runs.inertia is None
+    assert np.allclose(runs.fit[0].torque, 35.1507 * RUN["torque"])
+
+
+def test_columns_without_names_are_counted_from_zero(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "bare.csv", np.array(list(RUN.values())).T, delimiter=",")
+    text = AXIS + '[[record]]\nfile = "bare.csv"\nuse = "fit"\n'
+    refuses(tmp_path, text, "bare.csv", "does not name its 3 columns", "columns = {")
+    record = dataset(tmp_path, text + "columns = { time = 0, torque = 1, position = 2 }\n").fit[0]
+    assert np.allclose(record.position, RUN["position"])
+    refuses(tmp_path, text + "columns = { time = 0, torque = 1, position = 3 }\n", "no column 3", "there are 3")
+
+
+def test_text_column_that_is_not_asked_for_does_not_matter(tmp_path: Path) -> None:
+    rows = [f"{t!r},{u!r},{q!r},idle" for t, u, q in zip(*(v.tolist() for v in RUN.values()), strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time,torque,position,mode", *rows]))
+    assert len(dataset(tmp_path, AXIS + '[[record]]\nfile = "log.csv"\nuse = "fit"\n').records) == 1
+
+
+def test_frf_beside_records_is_left_out_and_said(tmp_path: Path) -> None:
+    frf = '[[frf]]\nfile = "level.uff"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
+    assert "level.uff" in dataset(tmp_path, AXIS + RECORD + frf).notes[0]
+    refuses(tmp_path, AXIS + frf, "level.uff", "not read yet")
+
+
+# The split.
+
+
+def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD)
+    assert [(r.use, len(r)) for r in runs.records] == [("fit", 120), ("validate", 80)]
+    assert "60 %" in runs.split and runs.validate[0].time[0] == TIME[120]
+
+
+@pytest.mark.parametrize(("n", "uses"), [(2, "fv"), (3, "ffv"), (7, "ffvffvf")])
+def test_several_records_are_split_evenly_and_it_is_said(n: int, uses: str, tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + n * RECORD)
+    assert "".join(r.use[0] for r in runs.records) == uses
+    assert "no use was given" in runs.split
+
+
+def test_a_record_without_use_beside_others_fits_and_it_is_said(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD + RECORD + 'use = "validate"\n')
+    assert [r.use for r in runs.records] == ["fit", "validate"] and "run.csv: no use given, so fit" in runs.split
+
+
+def test_nothing_to_fit_is_refused(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD + 'use = "validate"\n', 'use = "fit"')
+
+
+# Time.
+
+
+def test_small_jitter_is_left_alone(tmp_path: Path) -> None:
+    time = TIME + 5e-6 * np.sin(np.arange(N))
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{**RUN, "time": time})
+    assert np.array_equal(runs.fit[0].time, time) and runs.notes == ()
+
+
+def test_rounded_stamps_get_their_grid_back_and_samples_stay(tmp_path: Path) -> None:
+    grid = np.arange(N) / 2048
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{**RUN, "time": np.round(grid, 4)})
+    assert np.abs(runs.fit[0].time - grid).max() < 1e-4 and "rounded to 0.0001 s" in runs.notes[0]
+    assert np.array_equal(runs.fit[0].position, RUN["position"])
+
+
+def test_dropped_samples_are_filled_torque_held(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(N), [50, 51, 120])
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{k: v[kept] for k, v in RUN.items()})
+    record = runs.fit[0]
+    assert len(record) == N and "resampled" in runs.notes[0]
+    assert np.allclose(record.time, TIME, atol=1e-12)
+    assert np.allclose(record.position[kept], RUN["position"][kept]) and np.allclose(
+        record.position[120], (RUN["position"][119] + RUN["position"][121]) / 2
+    )
+    assert record.torque[50] == record.torque[51] == RUN["torque"][49] and record.torque[52] == RUN["torque"][52]
+
+
+def test_long_gap_is_refused_with_its_time(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(N), np.arange(50, 90))
+    refuses(tmp_path, AXIS + RECORD, "gap of 0.041 s after 0.049 s", **{k: v[kept] for k, v in RUN.items()})
+
+
+def test_time_backwards_or_standing_still_names_the_line(tmp_path: Path) -> None:
+    for wrong in (0.005, 0.009):
+        time = TIME.copy()
+        time[10] = wrong
+        refuses(tmp_path, AXIS + RECORD, "run.csv", "line 12", "time does not run forward", **{**RUN, "time": time})
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_value_that_is_not_finite_names_the_line(value: float, tmp_path: Path) -> None:
+    torque = RUN["torque"].copy()
+    torque[7] = value
+    refuses(tmp_path, AXIS + RECORD, "run.csv", "line 9", "torque", **{**RUN, "torque": torque})
+
+
+def test_missing_column_lists_the_columns(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD, "run.csv", "'torque'", "effort", time=TIME, effort=TIME, position=TIME)
+
+
+def test_current_without_torque_constant_is_refused(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD, "torque_constant", time=TIME, current=TIME, position=TIME)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["[[record]]"]),
+        ("[axis\n", ["not TOML", "line 1"]),
+        ("[axis]\ninertia = 0\n" + RECORD, ["axis.inertia"]),
+        ("[axis]\ninertia = -1.0\n" + RECORD, ["axis.inertia", "positive"]),
+        ("[axis]\ninertia = nan\n" + RECORD, ["axis.inertia"]),
+        ('[axis]\ninertia = "2e-5"\n' + RECORD, ["axis.inertia"]),
+        ("[axis]\ninertia = true\n" + RECORD, ["axis.inertia"]),
+        (f"[axis]\ninertia = {'9' * 400}\n" + RECORD, ["axis.inertia"]),
+        ("[axis]\nmass = 1.0\n" + RECORD, ["axis.mass", "inertia"]),
+        ('[axis]\nkind = "ball"\n' + RECORD, ["axis.kind", "hinge", "slide"]),
+        ('[axis]\nmodel = "a.xml"\njoint = "j"\n' + RECORD, ["axis.model", "not supported yet"]),
+        ('[axis]\nkind = "slide"\nencoder_counts_per_rev = 9\n' + RECORD, ["encoder_resolution"]),
+        ("axis = 3\n", ["axis must be a table"]),
+        ("record = 3\n", ["[[record]]"]),
+        (AXIS + "[[recrod]]\n", ["recrod", "record"]),
+        (AXIS + "[[record]]\n", ["record 1", "file"]),
+        (AXIS + '[[record]]\nfile = "none.csv"\n', ["record 1", "none.csv", "no such file"]),
+        (AXIS + '[[record]]\nfile = "dataset.toml"\n', ["no reader", ".csv"]),
+        (AXIS + RECORD + 'use = "test"\n', ["use", "'test'", "validate"]),
+        (AXIS + RECORD + 'name = "a"\n', ["name", "columns"]),
+        (AXIS + RECORD + 'units = { position = "furlong" }\n', ["units.position", "furlong", "deg"]),
+        (AXIS + RECORD + 'units = { position = "Nm" }\n', ["units.position", "'Nm' measures torque", "deg"]),
+        (AXIS + RECORD + 'units = { position = "mm" }\n', ["units.position", "slide joint"]),
+        (AXIS + RECORD + 'units = { position = "counts" }\n', ["encoder_counts_per_rev"]),
+        (AXIS + RECORD + "units = { position = 3 }\n", ["units.position"]),
+        (AXIS + RECORD + 'units = { velocity = "rpm" }\n', ["units.velocity", "no velocity"]),
+        (AXIS + RECORD + 'units = { speed = "rpm" }\n', ["units.speed", "velocity"]),
+        (AXIS + RECORD + "scale = { torque = 0 }\n", ["scale.torque"]),
+        (AXIS + RECORD + 'scale = { torque = "2" }\n', ["scale.torque"]),
+        (AXIS + RECORD + 'scale = { torque = 2 }\nunits = { torque = "mNm" }\n', ["torque", "unit and a scale"]),
+        (AXIS + RECORD + 'columns = { torque = "effort" }\n', ["'effort'", "torque", "position"]),
+        (AXIS + RECORD + 'columns = { effort = "torque" }\n', ["columns.effort"]),
+        (AXIS + RECORD + "columns = { torque = 1.5 }\n", ["columns.torque"]),
+        (AXIS + RECORD + "columns = { torque = 9 }\n", ["columns.torque", "9"]),
+        (AXIS + RECORD + 'columns = { torque = "torque", current = "torque" }\n', ["not both"]),
+    ],
+)
+def test_mistakes_name_the_key_and_what_was_expected(text: str, words: list[str], tmp_path: Path) -> None:
+    refuses(tmp_path, text, *words)
+
+
+def test_empty_and_short_files_are_named(tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").touch()
+    refuses(tmp_path, AXIS + '[[record]]\nfile = "empty.csv"\n', "empty.csv", "is empty")
+    refuses(tmp_path, AXIS + RECORD, "run.csv", "5 samples", **{k: v[:5] for k, v in RUN.items()})
+
+
+def test_columns_of_different_length_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", time=TIME, torque=TIME[:50], position=TIME)
+    refuses(tmp_path, AXIS + '[[record]]\nfile = "run.npz"\n', "torque has 50")
+
+
+def test_folder_without_dataset_toml_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"no dataset\.toml in this folder"):
+        load(tmp_path)
+    with pytest.raises(DataError, match=r"nowhere: no such file or folder"):
+        load(tmp_path / "nowhere")
+
+
+values = st.recursive(
+    st.sampled_from(['"x"', "0", "-1", "1e400", "nan", "true", "[]", "{}", '"run.csv"', '"deg"', '"fit"', "2.5", '"\\u0000"'])
+    | st.integers().map(str),
+    lambda inner: st.lists(inner, max_size=2).map(lambda v: f"[{', '.join(v)}]"),
+    max_leaves=3,
+)
+keys = st.sampled_from(["inertia", "kind", "file", "use", "columns", "units", "scale", "torque_constant", "x", "joint"])
+lines = st.tuples(keys, values).map(" = ".join) | st.sampled_from(["[axis]", "[[record]]", "[[frf]]", "[record]", '"'])
+
+
+@anyhow
+@given(body=st.lists(lines, max_size=8))
+def test_any_dataset_toml_is_read_or_refused_in_one_line(body: list[str], tmp_path: Path) -> None:
+    try:
+        assert isinstance(dataset(tmp_path, "\n".join(body)), Dataset)
+    except DataError as error:
+        assert "\n" not in str(error) and "dataset.toml" in str(error)
+
+
+column = st.lists(st.sampled_from(["0", "1", "-1", "1e308", "nan", "", "x", "0.5", "1e-3"]), min_size=3, max_size=3)
+
+
+@anyhow
+@given(rows=st.lists(column, min_size=1, max_size=30), start=st.booleans())
+def test_any_table_is_read_or_refused_in_one_line(rows: list[list[str]], start: bool, tmp_path: Path) -> None:
+    good = [f"{k},{k % 7},{k % 3}" for k in range(20)]
+    text = "\n".join(["time,torque,position", *(good if start else []), *map(",".join, rows)])
+    (tmp_path / "odd.csv").write_text(text)
+    try:
+        dataset(tmp_path, AXIS + '[[record]]\nfile = "odd.csv"\n')
+    except DataError as error:
+        assert "\n" not in str(error) and "odd.csv" in str(error)
+
+
+# Data that others measured.
+
+
+def test_emps_is_a_measurement_set(emps: Path) -> None:
+    runs = load(emps)
+    assert [len(r) for r in (*runs.fit, *runs.validate)] == [24841, 24841] and runs.notes == ()
+    assert runs.fit[0].sample_time == pytest.approx(1e-3) and np.ptp(runs.fit[0].torque) > 100
+
+
+def test_uneven_measured_logs_are_made_even_and_it_is_said(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "dataset.toml").write_text(
+        "[axis]\nencoder_counts_per_rev = 8192\ntorque_constant = 0.1\n[[record]]\n"
+        f'file = "{(data / "odrive_cogging/slow_nocomp_0.npy").as_posix()}"\n'
+        'columns = { time = 0, position = 1, current = 2 }\nunits = { position = "counts" }\n'
+    )
+    runs = load(tmp_path)
+    assert "resampled" in runs.notes[0] and np.ptp(np.diff(runs.fit[0].time)) < 1e-9
+
+
+def test_practice_sets_are_read(practice: Path) -> None:
+    for folder in sorted(p for p in practice.iterdir() if (p / "dataset.toml").exists()):
+        runs = load(folder)
+        assert runs.fit and runs.validate and runs.notes == () and runs.fit[0].resolution == 2 * np.pi / 1e6
