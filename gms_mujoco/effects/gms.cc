@@ -11,9 +11,9 @@ int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
 
 void recall(const double* p, int n, const double* unknown, double* state) {
-  const double *fraction = p + n, coulomb = p[2 * n];
+  const double *fraction = p + n, level = std::fmax(p[2 * n], p[2 * n + 1]);
   for (int i = 0; i < n; i++) {
-    state[2 * i + kForce] = unknown[i] * fraction[i] * coulomb;
+    state[2 * i + kForce] = unknown[i] * fraction[i] * level;
     state[2 * i + kSlip] = 0;
   }
 }

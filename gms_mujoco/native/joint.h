@@ -45,7 +45,20 @@ class Joint {
   // null) and the torque of each effect to `parts` (may be null). `state` and `next` may not overlap.
   double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const;
 
+  // Torque over a backward-Euler step of length h from `now`: the f that solves
+  //   v = free_velocity + gain f,  f in f(q + h v, v),
+  // where free_velocity is the velocity at the end of the step without f, and gain = h / inertia. A static law
+  // is set-valued where the displacement is zero: there the joint holds, with whatever torque that takes.
+  double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain) const;
+
+  // Change of torque per change of velocity over a step of length h from the virgin state, k h + sigma
+  // [N m s/rad]; very large for a static law. An explicit step is stable while h * slope / inertia < 4 (with a
+  // spring alone; 2 with viscous drag alone) and is the more accurate one below about 1.
+  double slope(double h) const;
+
  private:
+  double torque(const Motion& motion, const double* state, double* next, double* parts) const;
+
   std::vector<Use> uses_;
   int n_state_ = kAnchor;
   int n_memory_ = 0;

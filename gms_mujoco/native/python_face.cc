@@ -53,3 +53,46 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
     if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
   }
 }
+
+// Motion of one axis of `inertia` under torque[k] held from sample k to k + 1: position, velocity, and the torque
+// of the effects at each sample. Semi-implicit Euler with `substeps` per sample, as MuJoCo's Euler; the effects are
+// taken explicitly at the beginning of a step or by backward Euler (`implicit` 1 or 0; -1: where the step is
+// long for their stiffness). Returns the number of samples done: fewer than n where the motion ran away.
+GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int implicit, double sample_time,
+                               double inertia, double start, const double* torque, const double* load,
+                               const double* temperature, const double* memory, double* position,
+                               double* velocity, double* friction, double* states) {
+  const int n_state = joint->n_state();
+  std::vector<double> state(n_state), next(n_state);
+  if (memory) {
+    joint->recall(memory, state.data());
+  } else {
+    joint->reset(state.data());
+  }
+  const double h = sample_time / substeps, mobility = 1 / inertia;
+  if (implicit < 0) implicit = h * joint->slope(h) * mobility > 1;
+
+  gms::Sample now{start, position[0], velocity[0]};
+  for (int k = 0; k < n; k++) {
+    now.load = load ? load[k] : 0;
+    now.temperature = temperature ? temperature[k] : 0;
+    for (int i = 0; i < substeps; i++) {
+      double f = joint->torque(now, state.data(), next.data());
+      state.swap(next);
+      if (implicit) {
+        f = joint->implicit_torque(now, state.data(), h, now.velocity + h * mobility * torque[k], h * mobility);
+      }
+      if (i == 0) {
+        position[k] = now.position;
+        velocity[k] = now.velocity;
+        friction[k] = f;
+        if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
+        if (!std::isfinite(now.position) || !std::isfinite(f)) return k;
+      }
+      now.velocity += h * ((f + torque[k]) * mobility);
+      now.position += h * now.velocity;
+      now.time += h;
+    }
+  }
+  return n;
+}

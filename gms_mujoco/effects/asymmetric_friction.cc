@@ -1,0 +1,35 @@
+#include "effect.h"
+
+namespace {
+
+void modulate(const double* p, int, const gms::Motion&, gms::Level& level) {
+  level.forward *= 1 + p[0];
+  level.backward *= 1 - p[0];
+}
+
+double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double*, double*) {
+  return -p[1] * std::fabs(m.velocity);
+}
+
+}  // namespace
+
+extern const gms::Effect gms_effect_asymmetric_friction;
+const gms::Effect gms_effect_asymmetric_friction = {
+    "asymmetric_friction",
+    "AsymmetricFriction",
+    "friction",
+    "Friction that differs between the directions: the level of every friction law of the joint is multiplied by\n"
+    "1 + a forward and 1 - a backward, and the viscous drag by a torque -b |v| (drag sigma + b forward, sigma - b\n"
+    "backward). A constant difference that does not scale with the level is `torque_offset`.\n"
+    "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
+    "Automatica 30 (1994).",
+    "The torque error has one value forward and another backward, and may lean with speed.",
+    "Runs at several constant speeds in both directions over the same positions.",
+    {{"level", "1", gms::kUnset, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
+     {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"}},
+    nullptr,
+    nullptr,
+    nullptr,
+    modulate,
+    torque,
+};

@@ -1,0 +1,40 @@
+#include "effect.h"
+
+namespace {
+
+int n_state(int) { return 1; }  // friction on the moving side, positive along the last direction of motion
+int n_memory(int) { return 1; }
+
+void recall(const double* p, int, const double* unknown, double* state) { state[0] = unknown[0] * p[1]; }
+
+double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
+              double* next) {
+  const double direction = gms::sign(m.displacement);
+  next[0] = direction == 0 ? state[0]
+                           : direction * level.at(direction) * gms::stribeck_level(m.rate(), p[0], p[1], p[2], p[3]);
+  return -next[0];
+}
+
+}  // namespace
+
+extern const gms::Effect gms_effect_stribeck;
+const gms::Effect gms_effect_stribeck = {
+    "stribeck",
+    "Stribeck",
+    "friction",
+    "Static and Coulomb friction joined by the Stribeck curve, F = sgn(v) (Fc + (Fs - Fc) exp(-|v/Vs|^delta)):\n"
+    "a static map with a jump at zero velocity; with `viscous` beside it the five-parameter curve.\n"
+    "The direction is that of the displacement over the interval and stays while the joint does not move.\n"
+    "Source: Yoon and Trumper, Mechatronics 24 (2014), equation 1.",
+    "The torque error follows the sign of velocity and is largest at the lowest speeds.",
+    "Constant-velocity runs at many speeds, the lowest well below the Stribeck velocity, in both directions.",
+    {{"coulomb", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fc, level at high velocity"},
+     {"static", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fs, level at zero velocity"},
+     {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
+     {"stribeck_exponent", "1", 1.0, 0.1, 4, false, false, "delta, shape of the weakening"}},
+    n_state,
+    n_memory,
+    recall,
+    nullptr,
+    torque,
+};
