@@ -10,7 +10,8 @@ class Parameter:
     Attributes:
         name: as written in `model.toml`.
         unit: SI, for a hinge (a slide joint reads m for rad and N for N m).
-        default: value where none is given; NaN: none, a fit or the user must give it.
+        default: value where none is given. A default of 0 marks a strength: with all strengths at 0 the effect is
+            absent. NaN: none, a fit or the user must give it.
         lower, upper: closed bounds.
         free: whether a fit identifies it unless told otherwise.
         per_element: one value per element of the effect instead of one for the effect.

@@ -25,7 +25,7 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",
     "Runs at several constant speeds in both directions over the same positions.",
-    {{"level", "1", gms::kUnset, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
+    {{"level", "1", 0, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
      {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"}},
     nullptr,
     nullptr,

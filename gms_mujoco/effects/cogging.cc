@@ -22,9 +22,9 @@ const gms::Effect gms_effect_cogging = {
     "The torque error is a sine of position with a whole number of periods per revolution, the same in both "
     "directions and at every speed.",
     "Slow constant-velocity runs over a whole revolution in both directions.",
-    {{"harmonics", "1", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
-     {"amplitude", "N m", gms::kUnset, 0, gms::kInfinity, true, true, "A_i"},
-     {"phase", "rad", gms::kUnset, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"}},
+    {{"harmonics", "1/rev", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
+     {"amplitude", "N m", 0, 0, gms::kInfinity, true, true, "A_i"},
+     {"phase", "rad", 0, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"}},
     nullptr,
     nullptr,
     nullptr,

@@ -27,7 +27,7 @@ const gms::Effect gms_effect_coulomb = {
     "Source: Yoon and Trumper, Mechatronics 24 (2014), equation 1, first term.",
     "The torque error is a square wave that follows the sign of velocity.",
     "Slow constant-velocity runs in both directions.",
-    {{"coulomb", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fc, level in either direction"}},
+    {{"coulomb", "N m", 0, 0, gms::kInfinity, false, true, "Fc, level in either direction"}},
     n_state,
     n_memory,
     recall,

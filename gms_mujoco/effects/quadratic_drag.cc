@@ -17,7 +17,7 @@ const gms::Effect gms_effect_quadratic_drag = {
     "Source: the drag law of turbulent flow, e.g. Batchelor, An Introduction to Fluid Dynamics (1967).",
     "The torque error against velocity is a parabola that changes sign with velocity.",
     "Constant-velocity runs up to the highest speed in both directions.",
-    {{"coefficient", "N m s^2/rad^2", gms::kUnset, 0, gms::kInfinity, false, true, "c"}},
+    {{"coefficient", "N m s^2/rad^2", 0, 0, gms::kInfinity, false, true, "c"}},
     nullptr,
     nullptr,
     nullptr,

@@ -16,7 +16,7 @@ const gms::Effect gms_effect_torque_offset = {
     "Source: the offset term of robot identification models, e.g. Janot, Vandanjon and Gautier, IEEE T-CST 22 (2014).",
     "The torque error is a constant, the same at every speed, position and direction.",
     "Slow runs in both directions over the same positions: half the sum of the torques.",
-    {{"torque", "N m", gms::kUnset, -gms::kInfinity, gms::kInfinity, false, true, "T0, torque added to the drive's"}},
+    {{"torque", "N m", 0, -gms::kInfinity, gms::kInfinity, false, true, "T0, torque added to the drive's"}},
     nullptr,
     nullptr,
     nullptr,

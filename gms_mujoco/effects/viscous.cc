@@ -16,7 +16,7 @@ const gms::Effect gms_effect_viscous = {
     "Viscous drag, F = sigma v (Yoon and Trumper 2014, last term of the Stribeck curve).",
     "The torque error is a straight line against velocity.",
     "Constant-velocity runs at several speeds in both directions.",
-    {{"coefficient", "N m s/rad", gms::kUnset, 0, gms::kInfinity, false, true, "sigma"}},
+    {{"coefficient", "N m s/rad", 0, 0, gms::kInfinity, false, true, "sigma"}},
     nullptr,
     nullptr,
     nullptr,

@@ -40,7 +40,7 @@ struct Level {
 struct Parameter {
   const char* name;
   const char* unit;      // in hinge units; slide joints read m for rad and N for N m
-  double fallback;       // default value; NaN: has none, a fit or the user must give it
+  double fallback;       // default value; 0 for a strength, with which the effect is absent; NaN: must be given or fitted
   double lower, upper;   // closed bounds
   bool per_element;      // one value per element instead of one for the effect
   bool free;             // identified by default

@@ -1,0 +1,151 @@
+"""Coordinates: the free parameters of a plant as one vector that an optimiser can move.
+
+Parameters without a natural zero (stiffness, level, velocity) move on a logarithmic scale; those that vanish when
+the effect is absent move linearly; shares that sum to 1 move as log-ratios to the last share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .parameter import Parameter
+from .plant import Plant
+
+Array = NDArray[np.float64]
+
+_INERTIA = Parameter("inertia", "kg m^2", lower=0.0, doc="J")
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The coordinates of one parameter: `size` of them, for `count` values."""
+
+    effect: str  # "" for the inertia
+    parameter: Parameter
+    count: int
+
+    @property
+    def scale(self) -> str:
+        if self.parameter.share:
+            return "share"
+        return "log" if self.parameter.lower >= 0 and self.parameter.default != 0 else "linear"
+
+    @property
+    def size(self) -> int:
+        return self.count - 1 if self.scale == "share" else self.count
+
+    @property
+    def label(self) -> str:
+        return f"{self.effect}.{self.parameter.name}" if self.effect else self.parameter.name
+
+    @property
+    def labels(self) -> list[str]:
+        return [self.label] if self.count == 1 else [f"{self.label}[{i}]" for i in range(self.count)]
+
+    def encode(self, value: Array) -> Array:
+        if self.scale == "linear":
+            return value
+        z = np.log(np.maximum(value, 1e-300))
+        return z[:-1] - z[-1] if self.scale == "share" else z
+
+    def decode(self, x: Array) -> Array:
+        if self.scale == "linear":
+            return x
+        if self.scale == "log":
+            return np.clip(np.exp(np.clip(x, -690, 690)), self.parameter.lower, self.parameter.upper)
+        z = np.append(x, 0.0)
+        share = np.exp(z - z.max())
+        return share / share.sum()
+
+    def bounds(self) -> tuple[float, float]:
+        lower, upper = self.parameter.lower, self.parameter.upper
+        if self.scale == "share":
+            return -12.0, 12.0  # a share of 6e-6 is none
+        if self.scale == "log":
+            return np.log(max(lower, 1e-300)), np.log(upper)
+        return lower, upper
+
+
+class Coordinates:
+    """The free parameters of plants built like `template`.
+
+    Args:
+        template: fixes which effects there are and how many elements they have.
+        fixed: names "effect.parameter" (or "inertia") to leave as they are.
+    """
+
+    def __init__(self, template: Plant, fixed: Collection[str] = ()) -> None:
+        self.template = template
+        blocks = [] if template.inertia_known else [_Block("", _INERTIA, 1)]
+        for e in template.effects:
+            blocks += [_Block(e.name, p, e.elements if p.per_element else 1) for p in e.parameters if p.free]
+        self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]
+        self.size = sum(b.size for b in self.blocks)
+
+    @property
+    def labels(self) -> list[str]:
+        """Name of each coordinate."""
+        return [label for b in self.blocks for label in b.labels[: b.size]]
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of each coordinate."""
+        pairs = [b.bounds() for b in self.blocks for _ in range(b.size)]
+        return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+
+    @property
+    def is_linear(self) -> NDArray[np.bool_]:
+        """Which coordinates are the parameter itself."""
+        return np.array([b.scale == "linear" for b in self.blocks for _ in range(b.size)], bool)
+
+    def encode(self, plant: Plant) -> Array:
+        """(size,) coordinates of a plant."""
+        parts = [
+            b.encode(np.atleast_1d(np.asarray(plant[b.effect].values[b.parameter.name] if b.effect else plant.inertia)))
+            for b in self.blocks
+        ]
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def values(self, x: Array) -> dict[str, Array]:
+        """The values of each free parameter, by label of the parameter."""
+        out, at = {}, 0
+        for b in self.blocks:
+            out[b.label] = b.decode(x[at : at + b.size])
+            at += b.size
+        return out
+
+    def decode(self, x: Array) -> Plant:
+        """The plant at these coordinates."""
+        values, plant = self.values(x), self.template
+        changed: dict[str, dict[str, object]] = {}
+        for b in self.blocks:
+            value = values[b.label]
+            if not b.effect:
+                plant = replace(plant, inertia=float(value[0]))
+            else:
+                changed.setdefault(b.effect, {})[b.parameter.name] = value if b.parameter.per_element else value[0]
+        for name, new in changed.items():
+            plant = plant.replace(plant[name].replace(**new))
+        return plant
+
+    def intervals(self, x: Array, covariance: Array, z: float = 1.96) -> dict[str, tuple[float, float]]:
+        """Interval of each value, by its name, from the covariance of the coordinates."""
+        out: dict[str, tuple[float, float]] = {}
+        at = 0
+        for b in self.blocks:
+            here = slice(at, at + b.size)
+            at += b.size
+            value = b.decode(x[here])
+            if b.scale == "share":
+                slope = np.diag(value)[:, :-1] - np.outer(value, value[:-1])
+                sigma = np.sqrt(np.maximum(np.diag(slope @ covariance[here, here] @ slope.T), 0))
+                lower, upper = np.clip(value - z * sigma, 0, 1), np.clip(value + z * sigma, 0, 1)
+            else:
+                sigma = np.sqrt(np.maximum(np.diag(covariance)[here], 0))
+                lower, upper = b.decode(x[here] - z * sigma), b.decode(x[here] + z * sigma)
+            out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}
+        return out

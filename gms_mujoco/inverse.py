@@ -1,0 +1,139 @@
+"""Inverse dynamics: the torque that a plant needs along a measured motion, beside the torque that was applied.
+
+The drive holds its torque from sample to sample and the encoder reads the position at the samples. Integrating
+J q'' = u + f twice over two neighbouring samples gives, exactly and without any differentiator,
+
+    J (q[k+1] - 2 q[k] + q[k-1]) / h^2 = (u[k-1] + u[k]) / 2 + (w * f)[k],
+
+with the triangular weight w of half width h on the torque f of the effects (1/6, 4/6, 1/6 on samples of a
+piecewise linear f). A model that ignores this sees a delay of half a sample in every healthy axis. Both sides
+then pass the same zero-phase low-pass, which sets the bandwidth in which model and measurement are compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from .plant import Plant
+from .record import Record
+
+Array = NDArray[np.float64]
+
+
+def _held_mean(u: Array) -> Array:
+    """Triangular mean of a torque held from sample to sample: (u[k-1] + u[k]) / 2."""
+    out = u.copy()
+    out[1:] = 0.5 * (u[1:] + u[:-1])
+    return out
+
+
+def _smooth_mean(f: Array) -> Array:
+    """Triangular mean of a torque that varies linearly between samples."""
+    out = f.copy()
+    out[1:-1] = (f[:-2] + 4 * f[1:-1] + f[2:]) / 6
+    return out
+
+
+def second_difference(q: Array, h: float) -> Array:
+    """(q[k+1] - 2 q[k] + q[k-1]) / h^2, zero at both ends [rad/s^2]."""
+    out = np.zeros_like(q)
+    out[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / h**2
+    return out
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A record seen through a band: everything about it that does not depend on the model.
+
+    Attributes:
+        record: the run.
+        bandwidth: -6 dB frequency of the low-pass [Hz].
+    """
+
+    record: Record
+    bandwidth: float
+    smoothing: float = 2.0
+
+    @cached_property
+    def stride(self) -> int:
+        """Samples from one band-limited value to the next."""
+        return max(int(1 / (self.record.sample_time * self.bandwidth * 3)), 1)
+
+    @cached_property
+    def _half(self) -> int:
+        # A Hamming window of this length has a transition band of half the bandwidth.
+        wanted = int(np.ceil(3.3 / (self.record.sample_time * self.bandwidth)))
+        return self.stride * int(np.ceil(min(wanted, len(self.record) // 8) / self.stride))
+
+    @cached_property
+    def _kernel(self) -> Array:
+        rate = 1 / self.record.sample_time
+        return signal.firwin(2 * self._half + 1, min(self.bandwidth, 0.49 * rate), fs=rate)
+
+    @cached_property
+    def index(self) -> NDArray[np.intp]:
+        """(m,) samples of the record at which band-limited values stand; those at the ends are not defined."""
+        return np.arange(self._half + 1, len(self.record) - self._half - 1, self.stride)
+
+    @cached_property
+    def time(self) -> Array:
+        """(m,) [s]."""
+        return self.record.time[self.index]
+
+    def band(self, x: Array) -> Array:
+        """(m,) band-limited values of a series of samples (n,)."""
+        half, first = self._half, int(self.index[0])
+        full = signal.upfirdn(self._kernel, x[first - half : int(self.index[-1]) + half + 1], 1, self.stride)
+        return full[2 * half // self.stride :][: len(self.index)]
+
+    @cached_property
+    def position(self) -> Array:
+        """(n,) position with the encoder's quantisation smoothed away [rad]."""
+        return self._smooth(self.record.position)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """(n,) velocity of the smoothed position [rad/s]."""
+        return np.gradient(self.position, self.record.sample_time)
+
+    def _smooth(self, x: Array) -> Array:
+        rate = 1 / self.record.sample_time
+        cutoff = min(self.smoothing * self.bandwidth, 0.49 * rate)
+        half = min(max(int(np.ceil(3.3 * rate / cutoff)), 2), len(x) // 4)
+        head, tail = 2 * x[0] - x[half:0:-1], 2 * x[-1] - x[-2 : -half - 2 : -1]
+        kernel = signal.firwin(2 * half + 1, cutoff, fs=rate)
+        return signal.oaconvolve(np.concatenate([head, x, tail]), kernel, "valid")
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """(m,) band-limited acceleration [rad/s^2]."""
+        return self.band(second_difference(self.record.position, self.record.sample_time))
+
+    def applied(self, plant: Plant) -> Array:
+        """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m]."""
+        torque = self.record.torque
+        for effect in plant.effects:
+            torque = effect.deliver(self.record.time, torque)
+        return self.band(_held_mean(torque))
+
+    def replay(self, plant: Plant, memory: Array | None = None) -> Array:
+        """(m,) band-limited torque of the effects along the motion [N m].
+
+        Args:
+            memory: state before the first sample, see `native.Joint.replay`.
+        """
+        r = self.record
+        torque = plant.joint().replay(
+            r.time, self.position, self.velocity, r.get("load"), r.get("temperature"), memory
+        ).torque
+        return self.band(_smooth_mean(torque))
+
+    def needed(self, plant: Plant, memory: Array | None = None) -> Array:
+        """(m,) band-limited torque that the plant needs along the motion [N m]."""
+        assert plant.inertia is not None
+        return plant.inertia * self.acceleration - self.replay(plant, memory)
