@@ -42,6 +42,18 @@ def whole(path: str | Path) -> Iterator[Path]:
         raise GmsError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
+def expect_writable(path: str | Path) -> Path:
+    """The path of a file to be written later; raises GmsError now, before any long work, where it cannot be."""
+    path = Path(path)
+    if path.is_dir():
+        raise GmsError(f"{path}: is a folder; expected the name of a file to write")
+    if not path.parent.is_dir():
+        raise GmsError(f"{path}: the folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise GmsError(f"{path}: the folder {path.parent} cannot be written")
+    return path
+
+
 def make_folder(path: str | Path) -> Path:
     """The folder `path`, made where it does not exist; raises GmsError where it cannot be made."""
     try:

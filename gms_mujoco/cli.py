@@ -1,0 +1,259 @@
+"""The command line: `gms-mujoco demo | fit | compare | diagnose | attach | view`.
+
+Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key, and what was expected),
+130 interrupted. Files are written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from . import __version__, effects, files
+from .dataset import Dataset, load
+from .errors import GmsError, ModelError
+from .plant import Plant
+from .progress import Bar
+
+PROGRAM = "gms-mujoco"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        if arguments[:1] == ["frf"]:
+            raise GmsError("the command frf is not built yet; this version works on records in time")
+        options = _parser().parse_args(arguments)
+        options.run(options)
+        sys.stdout.flush()
+    except GmsError as error:
+        print(f"{PROGRAM}: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog=PROGRAM,
+        description="Realistic joint friction for MuJoCo: fit it to a log of a servo drive, see where it fails, and "
+        "find the physical effect that is missing.",
+        epilog=f"{PROGRAM} COMMAND --help explains one command. Start with: {PROGRAM} demo",
+    )
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=_Parser)
+
+    def command(name: str, run: Any, summary: str, example: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(
+            name,
+            help=summary,
+            description=summary[0].upper() + summary[1:] + ".",
+            epilog=f"example:  {PROGRAM} {example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        sub.set_defaults(run=run)
+        return sub
+
+    dataset_help = "folder with dataset.toml, or that file"
+
+    sub = command("demo", _demo, "simulate a servo axis with a hidden effect and find it", "demo --seed 3 -o demo")
+    sub.add_argument("--seed", type=int, default=0, help="draws the axis and the effect it hides (default: 0)")
+    sub.add_argument("-o", "--output", default="gms-mujoco-demo", metavar="DIR",
+                     help="folder for data and results (default: gms-mujoco-demo)")
+
+    sub = command("fit", _fit, "identify the parameters of a plant from measured records",
+                  "fit measurements/ --effects gms,viscous,cogging -o model.toml")
+    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    sub.add_argument("-o", "--output", required=True, metavar="MODEL.toml", help="the identified plant")
+    sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
+
+    sub = command("compare", _compare, "score a plant against measured records, one by one and pooled",
+                  "compare model.toml measurements/ --json scores.json")
+    sub.add_argument("model", metavar="MODEL.toml", help="plant to score")
+    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    sub.add_argument("--json", metavar="FILE", help="write the scores to this file too")
+
+    sub = command("diagnose", _diagnose, "find the effects that a plant lacks, add them and fit again",
+                  "diagnose measurements/ -o diagnosis")
+    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous)")
+    sub.add_argument("-o", "--output", required=True, metavar="DIR",
+                     help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
+    sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
+
+    sub = command("attach", _attach, "put the effects of a plant on joints of a MuJoCo model",
+                  "attach model.toml robot.xml --joint elbow -o robot_with_friction.xml")
+    sub.add_argument("model", metavar="MODEL.toml", help="plant whose effects the joints get")
+    sub.add_argument("robot", metavar="ROBOT.xml", help="MJCF model, left as it is")
+    sub.add_argument("--joint", required=True, action="append", metavar="NAME", help="hinge or slide; may be repeated")
+    sub.add_argument("-o", "--output", required=True, metavar="OUT.xml", help="the model with friction")
+
+    sub = command("view", _view, "open a recording, or make a picture of it", "view diagnosis/ --screenshot view.png")
+    sub.add_argument("path", metavar="PATH", help="a .rrd file, or the folder that diagnose or demo wrote")
+    sub.add_argument("--screenshot", metavar="OUT.png", help="write a picture instead of opening a window")
+    return parser
+
+
+# The commands. Slow imports wait until a command needs them.
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from . import demo
+
+    folder = files.make_folder(options.output)
+    with Bar() as bar:
+        result = demo.run(folder, options.seed, progress=bar)
+        _write_diagnosis(folder, result.diagnosis)
+    print(result)
+    _say_results(folder)
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from . import compare, fit
+
+    output = files.expect_writable(options.output)
+    runs = _load(options.dataset)
+    plant = fit.baseline(runs)
+    if options.effects is not None:
+        plant = _chosen(plant, options.effects)
+    with Bar() as bar:
+        result = fit.fit(plant, runs.fit, progress=bar)
+    result.plant.save(output)
+    print(f"{result.status}; fit error {result.error:.4f} of the torque's rms")
+    if runs.validate:
+        print(f"validate error {compare.compare(result.plant, runs.validate).torque_error:.4f}")
+    print(_parameters(result.plant))
+    print(f"wrote {output}")
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from . import compare
+
+    output = files.expect_writable(options.json) if options.json else None
+    plant = Plant.load(options.model).complete()
+    runs = _load(options.dataset)
+    _expect_kind(plant, runs, options.model)
+    scores = compare.compare(plant, runs.records)
+    if output:
+        files.write_text(output, as_json(scores.to_dict()))
+    print(scores)
+
+
+def _diagnose(options: argparse.Namespace) -> None:
+    from . import diagnose
+
+    extra = files.expect_writable(options.json) if options.json else None
+    plant = Plant.load(options.model) if options.model else None
+    runs = _load(options.dataset)
+    if plant is not None:
+        _expect_kind(plant, runs, options.model)
+    folder = files.make_folder(options.output)
+    with Bar() as bar:
+        result = diagnose.run(runs, plant, progress=bar)
+        _write_diagnosis(folder, result)
+    if extra:
+        files.write_text(extra, as_json(result.to_dict()))
+    print(result)
+    _say_results(folder)
+
+
+def _attach(options: argparse.Namespace) -> None:
+    from . import engine
+
+    output = files.expect_writable(options.output)
+    plant = Plant.load(options.model).complete()
+    spec = engine.read_spec(options.robot)
+    engine.attach(spec, {name: plant for name in options.joint})
+    files.write_text(output, engine.to_xml(spec, output))
+    print(f"wrote {output}: {', '.join(e.name for e in plant.effects)} on {', '.join(options.joint)}")
+    print("load it after `import gms_mujoco`, which registers the plug-in with MuJoCo")
+
+
+def _view(options: argparse.Namespace) -> None:
+    from . import view
+
+    picture = files.expect_writable(options.screenshot) if options.screenshot else None
+    view.open_recording(options.path, picture)
+    if picture:
+        print(f"wrote {picture}")
+
+
+# What the commands share.
+
+
+def _load(path: str) -> Dataset:
+    runs = load(path)
+    for line in (runs.split, *runs.notes):
+        print(line, file=sys.stderr)
+    return runs
+
+
+def _chosen(baseline: Plant, names: str) -> Plant:
+    """The axis of the baseline with the named effects, set up as in the baseline where it has them."""
+    plant = Plant(baseline.inertia, (), baseline.kind, baseline.inertia_known)
+    for name in filter(None, (n.strip() for n in names.split(","))):
+        plant += baseline[name] if name in baseline else effects.find(name)()
+    if not plant.effects:
+        raise ModelError(f"--effects names none; the effects are {', '.join(effects.CATALOGUE)}")
+    return plant
+
+
+def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
+    if plant.kind != runs.kind:
+        raise ModelError(f"{file}: the plant is a {plant.kind} joint, the measurement set is of a {runs.kind} joint")
+
+
+def _write_diagnosis(folder: Path, diagnosis: Any) -> None:
+    """The five files of a diagnosis, those that other programs read first."""
+    from . import report, view
+
+    files.write_text(folder / "diagnosis.json", as_json(diagnosis.to_dict()))
+    diagnosis.baseline.save(folder / "baseline.toml")
+    diagnosis.plant.save(folder / "model.toml")
+    files.write_text(folder / "report.html", report.render(diagnosis))
+    view.write_recording(folder / "recording.rrd", diagnosis)
+
+
+def _say_results(folder: Path) -> None:
+    print(f"wrote {folder}/ (report.html for people; {PROGRAM} view {folder} opens the recording)")
+
+
+def _parameters(plant: Plant) -> str:
+    """Every parameter with its 95 % interval, one a line."""
+    from .report import parameter_rows
+
+    rows = parameter_rows(plant)
+    return "\n".join(f"  {name:36} {value:>12}  {interval:28} {unit}" for name, value, interval, unit in rows)
+
+
+def as_json(value: Any) -> str:
+    """Strict JSON text: numbers that are not finite become null."""
+    return json.dumps(_finite(value), indent=1, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if hasattr(value, "tolist"):  # numpy
+        return _finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

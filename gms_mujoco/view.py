@@ -1,0 +1,220 @@
+"""A diagnosis as a rerun recording, and the viewer to look at it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from . import files
+from .errors import DataError, GmsError
+from .figure import thin
+from .report import step_names
+
+if TYPE_CHECKING:
+    from .diagnose import Diagnosis
+
+Array = NDArray[np.float64]
+
+RECORDING = "recording.rrd"
+_MEASURED = (76, 114, 176)
+_STEPS = ((196, 78, 82), (184, 134, 11), (129, 114, 179), (42, 157, 92))
+_GREY = (128, 128, 128)
+_MOST = 4000  # samples of one record in the time plots
+_BOX = (1.6, 1.0)  # rerun has no x-y plot: curves are scaled into a box of this width and height
+
+
+def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
+    """Writes the recording of a diagnosis.
+
+    Entities: `verdict` (text), `errors` (bars), and for each validate record `records/NAME/torque/...`,
+    `residual/...` (in time), `loop`, `over_position`, `over_velocity` (drawn).
+
+    Raises:
+        GmsError: the folder does not exist or cannot be written.
+    """
+    table = diagnosis.to_dict()
+    names = step_names(table)
+    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
+        stream.save(temporary)
+        stream.log("verdict", rr.TextDocument(_text(table, names), media_type="text/markdown"), static=True)
+        _errors(stream, table, names)
+        tabs = [_record(stream, diagnosis, names, i) for i in range(len(_records(diagnosis)))]
+        overview = rrb.Horizontal(
+            rrb.TextDocumentView(origin="verdict", name="verdict"),
+            rrb.Spatial2DView(origin="errors", name="error on validate records"),
+            name="overview",
+        )
+        rows = rrb.Vertical(overview, rrb.Tabs(*tabs), row_shares=[1, 2]) if tabs else overview
+        stream.send_blueprint(
+            rrb.Blueprint(rows, rrb.TimePanel(state="collapsed", timeline="time"), collapse_panels=True)
+        )
+        stream.flush()
+        stream.disconnect()
+
+
+def open_recording(path: str | Path, screenshot: str | Path | None = None) -> None:
+    """Opens a recording in the rerun viewer, bound to this machine only.
+
+    Args:
+        path: a `.rrd` file, or the folder of a diagnosis.
+        screenshot: a `.png` to write instead of opening a window.
+
+    Raises:
+        DataError: no recording there.
+        GmsError: the viewer cannot run, for example without a graphics driver.
+    """
+    file = Path(path) / RECORDING if Path(path).is_dir() else Path(path)
+    if not file.is_file():
+        raise DataError(f"{file}: no such recording; expected a .rrd file or a folder with {RECORDING}")
+    if file.suffix != ".rrd":
+        raise DataError(f"{file}: not a recording; expected a .rrd file or a folder with {RECORDING}")
+    command = [sys.executable, "-m", "rerun", str(file), "--bind", "127.0.0.1", "--port", "auto"]
+    if screenshot is None:
+        if subprocess.run(command).returncode:
+            raise GmsError("the rerun viewer ended with an error; its messages stand above")
+        return
+    with files.whole(screenshot) as temporary:
+        command += ["--headless", "--window-size", "1600x1000", "--screenshot-to", str(temporary)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        except subprocess.TimeoutExpired:
+            last = "no picture within 120 s"
+        if not temporary.stat().st_size:
+            raise GmsError(f"{screenshot}: the rerun viewer made no picture ({last}); it needs a Vulkan driver, "
+                           "on Debian the package mesa-vulkan-drivers")
+
+
+def _records(diagnosis: Diagnosis) -> list[Any]:
+    return list(diagnosis.comparisons[0].records) if diagnosis.comparisons else []
+
+
+def _text(table: dict[str, Any], names: list[str]) -> str:
+    lines = [f"# {str(table['verdict']).replace('_', ' ')}", "", "| step | fit | validate |", "|---|---|---|"]
+    for name, s in zip(names, table["steps"], strict=True):
+        lines.append(f"| {name} | {_number(s.get('fit_error'))} | {_number(s.get('validate_error'))} |")
+    lines += [f"| noise floor | | {_number(table.get('noise_floor'))} |", ""]
+    lines += [f"**{s['effect']}**: {s['evidence']}\n" for s in table["steps"] if s["effect"] and s.get("evidence")]
+    if table.get("next_experiment"):
+        lines.append(f"**Measure next:** {table['next_experiment']}")
+    return "\n".join(lines)
+
+
+def _errors(stream: rr.RecordingStream, table: dict[str, Any], names: list[str]) -> None:
+    """A bar per step and a line at the noise floor."""
+    rows = [(n, s.get("validate_error")) for n, s in zip(names, table["steps"], strict=True)]
+    rows = [(n, float(v)) for n, v in rows if v is not None]
+    floor = table.get("noise_floor")
+    if not rows:
+        return
+    scale = _BOX[0] / max(*(v for _, v in rows), floor or 0.0, 1e-12)
+    for i, (name, value) in enumerate(rows):
+        middle = 0.3 * i + 0.1
+        box = rr.Boxes2D(
+            centers=[(value * scale / 2, middle)],
+            half_sizes=[(value * scale / 2, 0.1)],
+            labels=[f"{name}  {value:.4f}"],
+            colors=[_colour(i, len(rows))],
+            show_labels=True,
+        )
+        stream.log(f"errors/{i}", box, static=True)
+    if floor:
+        line = [[(floor * scale, -0.1), (floor * scale, 0.3 * len(rows))]]
+        label = f"noise floor  {floor:.4f}"
+        stream.log("errors/floor", rr.LineStrips2D(line, colors=[_GREY], labels=[label], show_labels=True), static=True)
+
+
+def _record(stream: rr.RecordingStream, diagnosis: Diagnosis, names: list[str], i: int) -> rrb.Container:
+    """Logs one validate record under every model and returns the tab that shows it."""
+    steps = [c.records[i] for c in diagnosis.comparisons]
+    first = steps[0]
+    rotary = diagnosis.plant.kind == "hinge"
+    torque, angle = ("N m", "rad") if rotary else ("N", "m")
+    root = f"records/{_part(first.name)}"
+    _series(stream, f"{root}/torque/measured", "measured", first.time, first.measured, _MEASURED)
+    for k, (name, r) in enumerate(zip(names, steps, strict=False)):
+        colour = _colour(k, len(steps))
+        _series(stream, f"{root}/torque/{_part(name)}", name, r.time, r.needed, colour)
+        _series(stream, f"{root}/residual/{_part(name)}", name, r.time, r.measured - r.needed, colour)
+    shown = [(names[0], steps[0], _colour(0, 2))] + ([(names[-1], steps[-1], _colour(1, 2))] if len(steps) > 1 else [])
+    loops = [("measured", first.measured, _MEASURED), *((n, r.needed, c) for n, r, c in shown)]
+    _drawing(stream, f"{root}/loop", first.position, loops, f"position [{angle}]", f"[{torque}]", lines=True)
+    left = [(n, r.measured - r.needed, c) for n, r, c in shown]
+    _drawing(stream, f"{root}/over_position", first.position, left, f"position [{angle}]", f"[{torque}]")
+    _drawing(stream, f"{root}/over_velocity", first.velocity, left, f"velocity [{angle}/s]", f"[{torque}]")
+    return rrb.Horizontal(
+        rrb.Vertical(
+            rrb.TimeSeriesView(origin=f"{root}/torque", name=f"torque [{torque}]"),
+            rrb.TimeSeriesView(origin=f"{root}/residual", name=f"left over: measured - model [{torque}]"),
+        ),
+        rrb.Vertical(
+            rrb.Spatial2DView(origin=f"{root}/loop", name="torque over position"),
+            rrb.Spatial2DView(origin=f"{root}/over_position", name="left over, over position"),
+            rrb.Spatial2DView(origin=f"{root}/over_velocity", name="left over, over velocity"),
+        ),
+        column_shares=[2, 1],
+        name=first.name,
+    )
+
+
+def _series(
+    stream: rr.RecordingStream, entity: str, name: str, time: Array, value: Array, colour: tuple[int, int, int]
+) -> None:
+    i = thin(value, _MOST)
+    stream.log(entity, rr.SeriesLines(colors=[colour], names=[name]), static=True)
+    stream.send_columns(entity, [rr.TimeColumn("time", duration=time[i])], rr.Scalars.columns(scalars=value[i]))
+
+
+def _drawing(
+    stream: rr.RecordingStream,
+    entity: str,
+    x: Array,
+    curves: list[tuple[str, Array, tuple[int, int, int]]],
+    x_label: str,
+    y_label: str,
+    lines: bool = False,
+) -> None:
+    """Curves over a common x in a framed box; the corners carry the scale."""
+    low = np.array([x.min(), min(y.min() for _, y, _ in curves)])
+    high = np.array([x.max(), max(y.max() for _, y, _ in curves)])
+    span = np.where(high > low, high - low, 1.0)
+    for name, y, colour in curves:
+        i = np.arange(len(y)) if lines and len(y) <= _MOST else thin(y, _MOST)
+        at = (np.column_stack([x[i], y[i]]) - low) / span * _BOX
+        at[:, 1] = _BOX[1] - at[:, 1]  # rerun's y points down
+        shape = rr.LineStrips2D([at], colors=[colour]) if lines else rr.Points2D(at, colors=[colour], radii=0.004)
+        stream.log(f"{entity}/{_part(name)}", shape, static=True)
+    w, h = _BOX
+    stream.log(
+        f"{entity}/frame",
+        rr.LineStrips2D([[(0, 0), (0, h), (w, h), (w, 0), (0, 0)]], colors=[_GREY]),
+        static=True,
+    )
+    labels = [f"{high[1]:.3g} {y_label}", f"{low[1]:.3g} {y_label}", f"{low[0]:.3g}", f"{high[0]:.3g} {x_label}"]
+    corners = [(0, -0.04), (0, h + 0.04), (0.25 * w, h + 0.04), (w, h + 0.04)]
+    stream.log(
+        f"{entity}/scale", rr.Points2D(corners, labels=labels, colors=[_GREY], radii=0.0, show_labels=True), static=True
+    )
+
+
+def _colour(step: int, steps: int) -> tuple[int, int, int]:
+    """Red for the baseline, green for the last model."""
+    if step == 0:
+        return _STEPS[0]
+    return _STEPS[-1] if step == steps - 1 else _STEPS[1 + (step - 1) % 2]
+
+
+def _part(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name).strip("_") or "unnamed"
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4f}" if isinstance(value, int | float) else "-"
