@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ModelError, listing
 from .parameter import Parameter
+
+if TYPE_CHECKING:
+    import mujoco
 
 Value = float | tuple[float, ...]
 
@@ -105,6 +108,16 @@ class Effect:
             (n,) mean torque delivered over each sample [N m].
         """
         return command
+
+    def edit(self, spec: mujoco.MjSpec, joint: str) -> None:
+        """Changes a MuJoCo model so that the effect acts on `joint`.
+
+        For effects that MuJoCo has an element for; the plug-in does the native ones.
+
+        Args:
+            spec: the model, changed in place.
+            joint: name of a hinge or slide joint that exists.
+        """
 
 
 def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:

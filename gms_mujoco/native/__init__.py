@@ -79,6 +79,9 @@ def _load() -> ctypes.CDLL:
             integer,
             (pointer, integer, integer, integer, real, real, real) + (pointer,) * 8,
         ),
+        ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
+        ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
+        ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
@@ -157,6 +160,27 @@ class Motion:
 
 # How the effects enter a time step: see Joint.simulate.
 INTEGRATION = {"auto": -1, "explicit": 0, "implicit": 1}
+
+
+def reading(model: int, data: int, joint: int) -> tuple[int, list[tuple[str, int, int]]] | None:
+    """Where a joint's friction stands in `plugin_state` of a MuJoCo model.
+
+    Args:
+        model, data: addresses of the mjModel and the mjData.
+        joint: id of a hinge or slide joint.
+
+    Returns:
+        Place of the torque, and (effect, begin, end) of each effect with state; None for a joint without friction.
+    """
+    torque, begin, end = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
+    found: list[tuple[str, int, int]] = []
+    i = 0
+    places = tuple(map(ctypes.byref, (torque, begin, end)))
+    while name := library.gms_engine_read(model, data, joint, i, *places):
+        if end.value > begin.value:
+            found.append((name.decode(), begin.value, end.value))
+        i += 1
+    return None if torque.value < 0 else (torque.value, found)
 
 
 class Joint:

@@ -1,1 +1,499 @@
-// What MuJoCo calls: the engine plug-in and the control callback.
+// What MuJoCo calls: the engine plug-in `gms_mujoco.friction` and the control callback over its instances.
+//
+// One instance is the friction of one joint. Parameters come from its <config>, state lives in plugin_state, so
+// that reset, copies, mj_getState, rollouts, saved models and finite differences work as for MuJoCo's own state.
+//
+// Explicit joints take their torque at the position of the step. Implicit joints (see Joint::slope) solve all
+// together for the velocities at the end of the step, with the net torque of this step: the control callback
+// does so when the controls are known; without it the last instance does, from the controls as they stand.
+//
+// libmujoco is not linked: Python hands over the addresses of its functions, after a look at its version.
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "effect.h"
+#include "joint.h"
+
+#if defined(_WIN32)
+#define GMS_API extern "C" __declspec(dllexport)
+#else
+#define GMS_API extern "C" __attribute__((visibility("default")))
+#endif
+
+// The symbols of libmujoco in use, the version first. Only the last is a variable.
+#define GMS_SYMBOLS(X)                                                                                   \
+  X(mj_version) X(mju_error) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig) X(mj_name2id) \
+  X(mj_rne) X(mj_fwdActuation) X(mj_solveM) X(mj_applyFT) X(mjcb_control)
+
+GMS_API void gms_control(const mjModel* m, mjData* d);
+
+namespace {
+
+using gms::Joint;
+
+struct Engine {
+#define GMS_MEMBER(name) decltype(&::name) name = nullptr;
+  GMS_SYMBOLS(GMS_MEMBER)
+#undef GMS_MEMBER
+};
+
+Engine engine;
+int plugin_slot = -1;
+
+constexpr char kPlugin[] = "gms_mujoco.friction";
+constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};
+constexpr int kMessage = 600;
+
+// After the joint's own state, in plugin_state: the torque that qfrc_passive contains now; whether the joint has
+// not moved since the reset; what qfrc_passive was without us; what we wrote there.
+enum { kTorque = 0, kFresh, kBase, kSum, kBookkeeping };
+
+struct Instance {
+  Joint joint;
+  int id = -1, dof = -1, qpos = -1, integration = 0;
+  bool implicit = false;
+  double timestep = -1, weight = -1;  // for which `implicit` was chosen
+
+  double* state(const mjModel* m, mjData* d) const { return d->plugin_state + m->plugin_stateadr[id]; }
+  double* book(const mjModel* m, mjData* d) const { return state(m, d) + joint.n_state(); }
+  gms::Sample now(const mjData* d) const { return {d->time, d->qpos[qpos], d->qvel[dof]}; }
+  bool asleep(const mjModel* m, const mjData* d) const { return d->tree_asleep[m->dof_treeid[dof]] >= 0; }
+};
+
+// All instances of one mjData, and room to work in. Owned by its instances together.
+struct Group {
+  std::vector<Instance*> instances;
+  int n_implicit = 0;
+  std::vector<Instance*> active;
+  std::vector<double> rhs, solution, free, torque, push;
+};
+
+struct Handle {  // what plugin_data points to
+  Instance instance;
+  std::shared_ptr<Group> group;
+};
+
+Handle* handle(const mjData* d, int id) { return reinterpret_cast<Handle*>(d->plugin_data[id]); }
+
+// The first of our instances below `end`; null where there is none.
+Handle* first_handle(const mjModel* m, const mjData* d, int end) {
+  for (int i = 0; i < end; i++) {
+    if (m->plugin[i] == plugin_slot && d->plugin_data[i]) return handle(d, i);
+  }
+  return nullptr;
+}
+
+// ---------------------------------------------------------------------------------------------- configuration
+
+std::string config(const mjModel* m, int id, const std::string& key) {
+  const char* value = engine.mj_getPluginConfig(m, id, key.c_str());
+  return value ? value : "";
+}
+
+bool numbers(const std::string& text, std::vector<double>* out) {
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  for (double x; stream >> std::ws && !stream.eof();) {
+    if (!(stream >> x)) return false;
+    out->push_back(x);
+  }
+  return true;
+}
+
+// Parameters of one effect from the config; `n` elements. Returns what is wrong, or nothing.
+std::string read_effect(const mjModel* m, int id, const gms::Effect& effect, std::vector<double>* packed, int* n) {
+  std::vector<std::vector<double>> given;
+  *n = 0;
+  for (const gms::Parameter& p : effect.parameters) {
+    if (!p.name) break;
+    const std::string key = std::string(effect.name) + "." + p.name, text = config(m, id, key);
+    given.emplace_back();
+    if (!numbers(text, &given.back())) return key + " must be a list of numbers; '" + text + "' given";
+    const int size = static_cast<int>(given.back().size());
+    if (size > 0 && p.per_element) {
+      if (*n && *n != size) return key + " has " + std::to_string(size) + " values, others " + std::to_string(*n);
+      *n = size;
+    } else if (size > 1) {
+      return key + " must be one number; '" + text + "' given";
+    }
+  }
+  *n = std::max(*n, 1);
+  for (size_t i = 0; i < given.size(); i++) {
+    const gms::Parameter& p = effect.parameters[i];
+    const std::string key = std::string(effect.name) + "." + p.name;
+    std::vector<double>& v = given[i];
+    if (v.empty()) v.assign(p.per_element ? *n : 1, p.share ? 1.0 / *n : p.fallback);
+    double sum = 0;
+    for (const double x : v) {
+      if (std::isnan(x)) return key + " has no value";
+      if (x < p.lower || x > p.upper) {
+        std::ostringstream text;
+        text << key << " must lie in [" << p.lower << ", " << p.upper << "] " << p.unit << "; " << x << " given";
+        return text.str();
+      }
+      sum += x;
+    }
+    if (p.share && std::fabs(sum - 1) > 1e-6) return key + " must sum to 1; the sum is " + std::to_string(sum);
+    packed->insert(packed->end(), v.begin(), v.end());
+  }
+  return "";
+}
+
+std::string read_effects(const mjModel* m, int id, Joint* joint) {
+  std::istringstream names(config(m, id, "effects"));
+  std::string name;
+  while (names >> name) {
+    const gms::Effect* effect = gms::find_effect(name);
+    if (!effect) return "no native effect is called '" + name + "'";
+    std::vector<double> packed;
+    int n;
+    const std::string wrong = read_effect(m, id, *effect, &packed, &n);
+    if (!wrong.empty()) return wrong;
+    if (joint->n_state() + (effect->n_state ? effect->n_state(n) : 0) > Joint::kMaxState) {
+      return name + " has too many elements";
+    }
+    joint->add(effect, n, packed.data());
+  }
+  for (int i = 0; i < gms::kCatalogueSize; i++) {  // parameters of an effect that is not listed would be lost
+    const gms::Effect* effect = gms::kCatalogue[i];
+    bool used = false;
+    for (const Joint::Use& use : joint->uses()) used = used || use.effect == effect;
+    for (const gms::Parameter& p : effect->parameters) {
+      if (!p.name || used) break;
+      const std::string key = std::string(effect->name) + "." + p.name;
+      if (!config(m, id, key).empty()) return key + " is given but 'effects' does not list " + effect->name;
+    }
+  }
+  return joint->uses().empty() ? "'effects' must list at least one effect" : "";
+}
+
+std::string instance_name(const mjModel* m, int id) { return m->names + m->name_pluginadr[id]; }
+
+std::string read_instance(const mjModel* m, int id, Instance* out) {
+  out->id = id;
+  std::string name = config(m, id, "joint");
+  if (name.empty()) name = instance_name(m, id);
+  const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
+  if (joint < 0) {
+    std::string known;
+    for (int i = 0; i < m->njnt; i++) {
+      const std::string other = m->names + m->name_jntadr[i];
+      if (!other.empty() && known.size() < 200) known += (known.empty() ? "" : ", ") + other;
+    }
+    return "no joint is called '" + name + "'; the joints are " + (known.empty() ? "none" : known);
+  }
+  if (m->jnt_type[joint] != mjJNT_HINGE && m->jnt_type[joint] != mjJNT_SLIDE) {
+    return "joint '" + name + "' must be a hinge or a slide, not a ball or free joint";
+  }
+  out->dof = m->jnt_dofadr[joint];
+  out->qpos = m->jnt_qposadr[joint];
+  const std::string integration = config(m, id, "integration");
+  const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
+  if (!integration.empty() && found == end) {
+    return "integration must be auto, explicit or implicit; '" + integration + "' given";
+  }
+  out->integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
+  return read_effects(m, id, &out->joint);
+}
+
+// MuJoCo leaves through mju_error without unwinding: nothing that owns memory may be alive by then.
+void report(const mjModel* m, int id, const std::string& wrong, char* message) {
+  std::snprintf(message, kMessage, "%s instance '%s': %s", kPlugin, instance_name(m, id).c_str(), wrong.c_str());
+}
+
+// ------------------------------------------------------------------------------------------------- evaluation
+
+// Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
+// rounding error each time; another passive force that came in between is kept.
+void apply(const Instance& x, const mjModel* m, mjData* d, double f) {
+  double *book = x.book(m, d), *total = d->qfrc_passive + x.dof;
+  if (*total != book[kSum]) book[kBase] += *total - book[kSum];
+  book[kTorque] = f;
+  *total = book[kSum] = book[kBase] + f;
+}
+
+void choose_integration(const mjModel* m, Group* g) {
+  const double h = m->opt.timestep;
+  g->n_implicit = 0;
+  for (Instance* x : g->instances) {
+    const double weight = m->dof_invweight0[x->dof];
+    if (x->timestep != h || x->weight != weight) {
+      x->timestep = h;
+      x->weight = weight;
+      x->implicit = x->integration == 2 || (x->integration == 0 && h * weight * x->joint.slope(h) > 1);
+    }
+    g->n_implicit += x->implicit;
+  }
+}
+
+// Backward-Euler torque of all implicit joints together: v+ = v + h M^-1 (tau + f(v+)), by Gauss-Seidel over the
+// joints. `bias` is qfrc_bias; actuator forces must be up to date.
+void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
+  const double h = m->opt.timestep;
+  const int nv = m->nv;
+  g->active.clear();
+  for (Instance* x : g->instances) {
+    if (!x->implicit || x->asleep(m, d)) continue;
+    // Between the anchor and the end of the step are the stages of RK4: they keep the torque of the first.
+    const double anchor = x->state(m, d)[1];
+    if (d->time > anchor) continue;
+    g->active.push_back(x);
+  }
+  const int n = static_cast<int>(g->active.size());
+  if (n == 0) return;
+
+  // Velocities without our torque, and the response of each joint to the torque on each.
+  double *tau = g->rhs.data(), *acceleration = g->solution.data();
+  std::fill(tau, tau + (n + 1) * nv, 0.0);
+  for (int i = 0; i < nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + d->qfrc_actuator[i];
+  for (int i = 0; i < n; i++) {
+    const Instance& x = *g->active[i];
+    const double* book = x.book(m, d);
+    // `base` lacks what another has added since we wrote.
+    const double base = book[kBase] + (d->qfrc_passive[x.dof] - book[kSum]);
+    tau[x.dof] = base - bias[x.dof] + d->qfrc_applied[x.dof] + d->qfrc_actuator[x.dof];
+    tau[(i + 1) * nv + x.dof] = 1;
+  }
+  for (int i = 1; i < m->nbody; i++) {
+    const double* wrench = d->xfrc_applied + 6 * i;
+    if (std::any_of(wrench, wrench + 6, [](double w) { return w != 0; })) {
+      engine.mj_applyFT(m, d, wrench, wrench + 3, d->xipos + 3 * i, i, tau);
+    }
+  }
+  engine.mj_solveM(m, d, acceleration, tau, n + 1);
+
+  // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
+  const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
+                      !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
+  double *free = g->free.data(), *f = g->torque.data(), *push = g->push.data();
+  for (int i = 0; i < n; i++) {
+    const Instance& x = *g->active[i];
+    free[i] = d->qvel[x.dof] + h * acceleration[x.dof];
+    f[i] = push[i] = n == 1 ? 0 : x.joint.torque(x.now(d), x.state(m, d), nullptr);
+  }
+  for (int sweep = 0; sweep < 100; sweep++) {
+    double change = 0, largest = 0;
+    for (int i = 0; i < n; i++) {
+      const Instance& x = *g->active[i];
+      const double* response = acceleration + (i + 1) * nv;
+      double v = free[i];
+      for (int j = 0; j < n; j++) {
+        if (j != i) v += h * response[g->active[j]->dof] * push[j];
+      }
+      const double damping = damped ? m->dof_damping[x.dof] : 0, v_now = d->qvel[x.dof];
+      double gain = h * response[x.dof];
+      v = (v + gain * damping * v_now) / (1 + gain * damping);
+      gain /= 1 + gain * damping;
+      const double torque = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain);
+      push[i] = torque - damping * (v + gain * torque - v_now);
+      change = std::max(change, std::fabs(torque - f[i]));
+      largest = std::max(largest, std::fabs(torque));
+      f[i] = torque;
+    }
+    if (n == 1 || change <= 1e-10 * largest) break;
+  }
+  for (int i = 0; i < n; i++) apply(*g->active[i], m, d, f[i]);
+}
+
+// MuJoCo skips the control callback where actuation is disabled.
+bool callback_follows(const mjModel* m) {
+  return *engine.mjcb_control == gms_control && !(m->opt.disableflags & mjDSBL_ACTUATION);
+}
+
+// ------------------------------------------------------------------------------------------- what MuJoCo calls
+
+int nstate(const mjModel* m, int id) {
+  char message[kMessage] = "";
+  int n = 0;
+  {
+    Joint joint;
+    const std::string wrong = read_effects(m, id, &joint);
+    if (!wrong.empty()) report(m, id, wrong, message);
+    n = joint.n_state() + kBookkeeping;
+  }
+  if (message[0]) engine.mju_error("%s", message);
+  return n;
+}
+
+int init(const mjModel* m, mjData* d, int id) {
+  char message[kMessage] = "";
+  d->plugin_data[id] = 0;
+  {
+    auto made = std::make_unique<Handle>();
+    std::string wrong = read_instance(m, id, &made->instance);
+    Handle* first = first_handle(m, d, id);
+    made->group = first ? first->group : std::make_shared<Group>();
+    Group& g = *made->group;
+    for (const Instance* other : g.instances) {
+      if (wrong.empty() && other->dof == made->instance.dof) {
+        wrong = "its joint has the friction of instance '" + instance_name(m, other->id) + "' already";
+      }
+    }
+    if (wrong.empty()) {
+      g.instances.push_back(&made->instance);
+      const size_t n = g.instances.size();
+      g.active.reserve(n);
+      g.rhs.resize((n + 1) * m->nv);
+      g.solution.resize((n + 1) * m->nv);
+      for (std::vector<double>* v : {&g.free, &g.torque, &g.push}) v->resize(n);
+      d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
+    } else {
+      report(m, id, wrong, message);
+    }
+  }
+  if (message[0]) engine.mju_error("%s", message);
+  return 0;
+}
+
+void destroy(mjData* d, int id) {
+  Handle* h = handle(d, id);
+  if (!h) return;
+  auto& all = h->group->instances;
+  all.erase(std::remove(all.begin(), all.end(), &h->instance), all.end());
+  delete h;
+  d->plugin_data[id] = 0;
+}
+
+// MuJoCo hands over the state alone, and may do so before init.
+void reset(const mjModel* m, mjtNum* state, void*, int id) {
+  const int n = m->plugin_statenum[id];
+  std::fill(state, state + n, 0.0);
+  state[0] = state[1] = std::nan("");
+  state[n - kBookkeeping + kFresh] = 1;
+}
+
+void compute(const mjModel* m, mjData* d, int id, int) {
+  Handle* h = handle(d, id);
+  Group& g = *h->group;
+  const Instance& x = h->instance;
+  if (&x == g.instances.front()) choose_integration(m, &g);
+  if (!x.asleep(m, d)) {
+    double *state = x.state(m, d), *book = x.book(m, d);
+    const gms::Sample now = x.now(d);
+    // Setting a position after a reset, or turning time back, is no motion.
+    if (now.time < state[1]) book[kFresh] = 1;
+    if (book[kFresh] && !(now.time > state[1])) {
+      state[0] = now.position;
+      state[1] = now.time;
+    }
+    book[kBase] = book[kSum] = d->qfrc_passive[x.dof];
+    apply(x, m, d, x.implicit ? book[kTorque] : x.joint.torque(now, state, nullptr));
+  }
+  if (&x == g.instances.back() && g.n_implicit > 0 && !callback_follows(m)) {
+    double* bias = g.solution.data();  // free until the system is solved
+    std::fill(bias, bias + m->nv, 0.0);
+    engine.mj_rne(m, d, 0, bias);
+    engine.mj_fwdActuation(m, d);
+    solve_implicit(m, d, &g, bias);
+  }
+}
+
+// The motion over the step has happened: the state moves on to where the joint is now.
+void advance(const mjModel* m, mjData* d, int id) {
+  const Instance& x = handle(d, id)->instance;
+  double *state = x.state(m, d), next[Joint::kMaxState];
+  if (x.asleep(m, d)) {
+    if (!std::isnan(state[1])) state[1] = d->time;
+    return;
+  }
+  x.joint.torque(x.now(d), state, next);
+  std::copy(next, next + x.joint.n_state(), state);
+  x.book(m, d)[kFresh] = 0;
+}
+
+const std::vector<std::string>& attribute_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all = {"joint", "effects", "integration"};
+    for (int i = 0; i < gms::kCatalogueSize; i++) {
+      for (const gms::Parameter& p : gms::kCatalogue[i]->parameters) {
+        if (p.name) all.push_back(std::string(gms::kCatalogue[i]->name) + "." + p.name);
+      }
+    }
+    return all;
+  }();
+  return names;
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------------------------------ what Python calls
+
+// For mujoco.set_mjcb_control, or at the end of another control callback: evaluates implicit joints with the
+// controls of this step. Does nothing in models without our plug-in.
+GMS_API void gms_control(const mjModel* m, mjData* d) {
+  Handle* first = first_handle(m, d, static_cast<int>(m->nplugin));
+  if (!first || first->group->n_implicit == 0) return;
+  engine.mj_fwdActuation(m, d);
+  solve_implicit(m, d, first->group.get(), d->qfrc_bias);
+}
+
+// Names of the symbols of libmujoco that gms_engine_init takes the addresses of, in this order.
+GMS_API const char* const* gms_engine_symbols(int* n) {
+#define GMS_NAME(name) #name,
+  static const char* const names[] = {GMS_SYMBOLS(GMS_NAME)};
+#undef GMS_NAME
+  *n = sizeof(names) / sizeof(names[0]);
+  return names;
+}
+
+// Registers the plug-in with the libmujoco that `table` comes from. Returns 0, or -1 and what is wrong.
+GMS_API int gms_engine_init(void* const* table, char* error, int size) {
+  const auto version = table[0] ? reinterpret_cast<decltype(&::mj_version)>(table[0])() : 0;
+  constexpr int kSeries = 1000;  // 4.0.1 is 4000001
+  if (version / kSeries != mjVERSION_HEADER / kSeries) {
+    std::snprintf(error, size, "%d", version);
+    return -1;
+  }
+  int i = 0;
+#define GMS_TAKE(name)                                                      \
+  if (!table[i]) {                                                          \
+    std::snprintf(error, size, "it has no %s", #name);                      \
+    return -1;                                                              \
+  }                                                                         \
+  engine.name = reinterpret_cast<decltype(engine.name)>(table[i++]);
+  GMS_SYMBOLS(GMS_TAKE)
+#undef GMS_TAKE
+
+  static std::vector<const char*> attributes;
+  static mjpPlugin plugin;
+  attributes.clear();
+  for (const std::string& name : attribute_names()) attributes.push_back(name.c_str());
+  engine.mjp_defaultPlugin(&plugin);
+  plugin.name = kPlugin;
+  plugin.nattribute = static_cast<int>(attributes.size());
+  plugin.attributes = attributes.data();
+  plugin.capabilityflags = mjPLUGIN_PASSIVE;
+  plugin.nstate = nstate;
+  plugin.init = init;
+  plugin.destroy = destroy;
+  plugin.reset = reset;
+  plugin.compute = compute;
+  plugin.advance = advance;
+  plugin_slot = engine.mjp_registerPlugin(&plugin);
+  return 0;
+}
+
+// Effect number i of the friction of a joint: its name, and where its state begins and ends in plugin_state; null
+// past the last. `torque`: where the joint's torque stands, or -1 where the joint has no friction.
+GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint, int i, int* torque, int* begin,
+                                    int* end) {
+  *torque = -1;
+  for (int id = 0; id < m->nplugin; id++) {
+    if (m->plugin[id] != plugin_slot || handle(d, id)->instance.dof != m->jnt_dofadr[joint]) continue;
+    const Joint& x = handle(d, id)->instance.joint;
+    const int start = m->plugin_stateadr[id], n = static_cast<int>(x.uses().size());
+    *torque = start + x.n_state() + kTorque;
+    if (i >= n) return nullptr;
+    *begin = start + x.uses()[i].state;
+    *end = start + (i + 1 < n ? x.uses()[i + 1].state : x.n_state());
+    return x.uses()[i].effect->name;
+  }
+  return nullptr;
+}

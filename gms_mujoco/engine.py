@@ -1,0 +1,247 @@
+"""Friction inside MuJoCo: the plug-in, its attachment to named joints, the control callback, the readout.
+
+Importing this module registers the plug-in `gms_mujoco.friction`, so that a saved MJCF loads. One plug-in instance
+is the friction of one joint and bears the joint's name; names and prefixes change together when a model is
+attached to another.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fnmatch
+import os
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from . import native
+from .effect import Effect
+from .errors import EngineError, ModelError, listing
+from .plant import Plant
+
+PLUGIN = "gms_mujoco.friction"
+
+
+def _libmujoco() -> ctypes.CDLL:
+    folder = Path(mujoco.__file__).parent
+    for path in sorted((*folder.glob("libmujoco*"), *folder.glob("mujoco.dll"))):
+        return ctypes.CDLL(str(path))  # loaded by mujoco already: this is another handle of it
+    raise EngineError(f"no libmujoco in {folder}; reinstall with 'pip install \"mujoco>=4.0,<4.1\"'")
+
+
+def register(libmujoco: ctypes.CDLL | None = None) -> None:
+    """Registers the plug-in with the libmujoco of the `mujoco` package, or with the one given.
+
+    Raises:
+        EngineError: it is not of the 4.0 series. Nothing has been touched then.
+    """
+    lib = libmujoco or _libmujoco()
+    n = ctypes.c_int()
+    names = native.library.gms_engine_symbols(ctypes.byref(n))
+    table = (ctypes.c_void_p * n.value)()
+    for i in range(n.value):
+        try:
+            table[i] = ctypes.cast(getattr(lib, names[i].decode()), ctypes.c_void_p).value
+        except AttributeError:
+            table[i] = None  # the version is looked at first
+    error = ctypes.create_string_buffer(200)
+    if native.library.gms_engine_init(table, error, len(error)):
+        found = error.value.decode()
+        version = f"version {found}" if found.isdigit() else found
+        raise EngineError(
+            f"this build runs with MuJoCo 4.0.x; the libmujoco found says {version}: "
+            "install it with 'pip install \"mujoco>=4.0,<4.1\"'"
+        )
+
+
+register()
+
+
+def attach(
+    model: mujoco.MjSpec | str | os.PathLike[str],
+    plants: Mapping[str, Plant],
+    integration: str = "auto",
+) -> mujoco.MjSpec:
+    """Puts friction on joints of a MuJoCo model. Inertia and armature of the model stay as they are.
+
+    Args:
+        model: an MjSpec, which is changed; or the path or the text of an MJCF file.
+        plants: plant by joint name; a name may be a pattern such as "*_knee".
+        integration: "explicit", "implicit" (backward Euler), or "auto": implicit for the joints whose friction is
+            stiff for the time step.
+
+    Returns:
+        The MjSpec. `spec.compile()` makes the model, `spec.to_xml()` an MJCF that loads after
+        `import gms_mujoco`.
+
+    Raises:
+        ModelError: no such joint, a ball or free joint, a joint that has friction already, a plant of another
+            kind or with parameters that have no value.
+    """
+    spec = model if isinstance(model, mujoco.MjSpec) else _load(model)
+    if integration not in native.INTEGRATION:
+        raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
+    chosen: dict[str, Plant] = {}
+    for pattern, plant in plants.items():
+        for joint in _matching(spec, pattern):
+            if joint.name in chosen:
+                raise ModelError(f"joint {joint.name!r} is named twice, by {pattern!r} the second time")
+            _check(spec, joint, plant)
+            chosen[joint.name] = plant
+    for name, plant in chosen.items():
+        joint = spec.joint(name)
+        _warn(joint, plant)
+        natives = [e for e in plant.effects if e.is_native]
+        if natives:
+            _add_instance(spec, joint, _config(natives, integration))
+        for e in plant.effects:
+            e.edit(spec, name)
+    return spec
+
+
+def _load(model: str | os.PathLike[str]) -> mujoco.MjSpec:
+    text = os.fspath(model)
+    try:
+        if text.lstrip().startswith("<"):
+            return mujoco.MjSpec.from_string(text)
+        if not Path(text).is_file():
+            raise ModelError(f"{text}: no such file")
+        return mujoco.MjSpec.from_file(text)
+    except ValueError as error:
+        name = "MJCF text" if text.lstrip().startswith("<") else text
+        raise ModelError(f"{name}: {' '.join(str(error).split())}") from None
+
+
+def _matching(spec: mujoco.MjSpec, pattern: str) -> list[Any]:
+    found = [j for j in spec.joints if j.name and (j.name == pattern or fnmatch.fnmatchcase(j.name, pattern))]
+    if not found:
+        names = listing(j.name for j in spec.joints if j.name)
+        raise ModelError(f"no joint is called {pattern!r}; the joints are {names}")
+    return found
+
+
+def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
+    kinds = {mujoco.mjtJoint.mjJNT_HINGE: "hinge", mujoco.mjtJoint.mjJNT_SLIDE: "slide"}
+    kind = kinds.get(mujoco.mjtJoint(joint.type))
+    if kind is None:
+        raise ModelError(f"joint {joint.name!r} is a ball or free joint; friction needs a hinge or a slide")
+    if kind != plant.kind:
+        raise ModelError(f"joint {joint.name!r} is a {kind}, the plant is for a {plant.kind}")
+    unset = [f"{e.name}.{p}" for e in plant.effects for p in e.unset]
+    if unset:
+        raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
+    for p in spec.plugins:
+        if p.plugin_name == PLUGIN and joint.name in (p.name, p.config.get("joint")):
+            raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
+        if p.name == joint.name:
+            raise ModelError(f"a {p.plugin_name} instance is called {p.name!r} as the joint is; rename one of them")
+
+
+def _warn(joint: Any, plant: Plant) -> None:
+    friction = [e.name for e in plant.effects if e.kind == "friction"]
+    twice = {"frictionloss": bool(friction), "damping": "viscous" in friction}
+    for key, counts in twice.items():
+        value = float(np.max(np.abs(getattr(joint, key))))
+        if counts and value > 0:
+            warnings.warn(
+                f"joint {joint.name!r} has {key} {value:g} and gets {', '.join(friction)}: both act; "
+                f"set {key} to 0 unless that is meant",
+                stacklevel=3,
+            )
+
+
+def _add_instance(spec: mujoco.MjSpec, joint: Any, config: dict[str, str]) -> None:
+    spec.activate_plugin(PLUGIN)
+    instance = spec.add_plugin(name=joint.name, plugin_name=PLUGIN, active=True)
+    instance.config = config
+    # An instance that hangs nowhere is lost when the model is attached to another. A body holds one: further
+    # joints of the body hang theirs on an empty body inside it.
+    body = joint.parent
+    if body.plugin.active:
+        body = body.add_body(name=f"{joint.name}_friction")
+    body.plugin = instance
+
+
+def _config(effects: list[Effect], integration: str) -> dict[str, str]:
+    config = {"effects": " ".join(e.name for e in effects)}
+    if integration != "auto":
+        config["integration"] = integration
+    for e in effects:
+        for key, value in e.values.items():
+            numbers = value if isinstance(value, tuple) else (value,)
+            config[f"{e.name}.{key}"] = " ".join(map(repr, numbers))
+    return config
+
+
+# ctypes lets mujoco.set_mjcb_control, and with it mujoco.batch.Batch, take a C function.
+_control = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(("gms_control", native.library))
+
+
+def install_callback() -> None:
+    """Has MuJoCo evaluate stiff and static friction once the controls of a step are known.
+
+    Without it the plug-in does so earlier in the step, from the controls as they stand then, which is the same
+    unless another control callback sets them.
+
+    Raises:
+        EngineError: another control callback is installed; call `evaluate` at its end instead.
+    """
+    if mujoco.get_mjcb_control() not in (None, _control):
+        raise EngineError(
+            "another control callback is installed: call gms_mujoco.evaluate(model, data) at its end, or remove "
+            "it with mujoco.set_mjcb_control(None)"
+        )
+    mujoco.set_mjcb_control(_control)
+
+
+def remove_callback() -> None:
+    """Removes the control callback of `install_callback`; leaves that of others alone."""
+    if mujoco.get_mjcb_control() is _control:
+        mujoco.set_mjcb_control(None)
+
+
+def evaluate(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Evaluates stiff and static friction with the controls in `data`: for the end of a control callback."""
+    _control(model._address, data._address)
+
+
+@dataclass(frozen=True)
+class Friction:
+    """What the effects of a joint do now.
+
+    Attributes:
+        torque: on the joint [N m].
+        power: torque times velocity [W]; negative where friction eats it.
+        states: (n_state,) inner state of each effect that has one. For gms, force and slip direction of each
+            element in turn [N m, -1, 0 or 1].
+    """
+
+    torque: float
+    power: float
+    states: Mapping[str, NDArray[np.float64]]
+
+
+def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction:
+    """Torque and element states of a joint, as of the last `mj_forward` or `mj_step`.
+
+    Raises:
+        ModelError: no such joint, or it has no friction of ours.
+    """
+    id = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
+    if id < 0:
+        names = (model.joint(i).name for i in range(model.njnt))
+        raise ModelError(f"no joint is called {joint!r}; the joints are {listing(filter(None, names))}")
+    reading = native.reading(model._address, data._address, id)
+    if reading is None:
+        raise ModelError(f"joint {joint!r} has no friction of gms_mujoco; attach a plant to it")
+    torque, parts = reading
+    dof = model.jnt_dofadr[id]
+    states = {name: data.plugin_state[start:stop].copy() for name, start, stop in parts}
+    value = float(data.plugin_state[torque])
+    return Friction(value, value * float(data.qvel[dof]), states)
