@@ -11,6 +11,7 @@ import json
 import math
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -27,6 +28,7 @@ PROGRAM = "gms-mujoco"
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    warnings.showwarning = _say_warning
     try:
         if arguments[:1] == ["frf"]:
             raise GmsError("the command frf is not built yet; this version works on records in time")
@@ -42,6 +44,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
+
+
+def _say_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    print(f"{PROGRAM}: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -131,13 +137,13 @@ def _fit(options: argparse.Namespace) -> None:
 
     output = files.expect_writable(options.output)
     runs = _load(options.dataset)
-    plant = fit.baseline(runs)
+    plant = fit.baseline(runs.inertia, runs.kind)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
     with Bar() as bar:
         result = fit.fit(plant, runs.fit, progress=bar)
     result.plant.save(output)
-    print(f"{result.status}; fit error {result.error:.4f} of the torque's rms")
+    print(result.status)
     if runs.validate:
         print(f"validate error {compare.compare(result.plant, runs.validate).torque_error:.4f}")
     print(_parameters(result.plant))
@@ -180,9 +186,10 @@ def _attach(options: argparse.Namespace) -> None:
 
     output = files.expect_writable(options.output)
     plant = Plant.load(options.model).complete()
-    spec = engine.read_spec(options.robot)
-    engine.attach(spec, {name: plant for name in options.joint})
-    files.write_text(output, engine.to_xml(spec, output))
+    spec = engine.attach(options.robot, {name: plant for name in options.joint})
+    _keep_assets(spec, Path(options.robot), output)
+    spec.compile()
+    files.write_text(output, spec.to_xml())
     print(f"wrote {output}: {', '.join(e.name for e in plant.effects)} on {', '.join(options.joint)}")
     print("load it after `import gms_mujoco`, which registers the plug-in with MuJoCo")
 
@@ -204,6 +211,14 @@ def _load(path: str) -> Dataset:
     for line in (runs.split, *runs.notes):
         print(line, file=sys.stderr)
     return runs
+
+
+def _keep_assets(spec: Any, source: Path, output: Path) -> None:
+    """Lets a model that is saved in another folder find its meshes and textures where they are."""
+    here, there = output.resolve().parent, source.resolve().parent
+    if here != there:
+        for key in ("meshdir", "texturedir"):
+            setattr(spec.compiler, key, Path(os.path.relpath(there / getattr(spec.compiler, key), here)).as_posix())
 
 
 def _chosen(baseline: Plant, names: str) -> Plant:

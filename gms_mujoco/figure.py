@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 COLOURS = ("#4c72b0", "#c44e52", "#2a9d5c", "#8172b3", "#b8860b")
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 12, 40  # margins in px
+_LEFT, _RIGHT, _TOP, _BOTTOM = 74, 12, 12, 40  # margins in px
 _MOST = 1500  # points of one curve: more cannot be seen
 
 
@@ -28,7 +28,7 @@ class Curve:
     points: bool = False
 
 
-def plot(curves: Sequence[Curve], x_label: str, y_label: str, width: int = 720, height: int = 260) -> str:
+def plot(curves: Sequence[Curve], x_label: str, y_label: str, width: int = 440, height: int = 250) -> str:
     """An SVG figure of curves over common axes."""
     x0, x1 = _range([c.x for c in curves])
     y0, y1 = _range([c.y for c in curves])
@@ -47,9 +47,9 @@ def plot(curves: Sequence[Curve], x_label: str, y_label: str, width: int = 720, 
     return _svg(body, width, height, f"{y_label} over {x_label}") + legend([(c.name, c.colour) for c in curves])
 
 
-def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 720) -> str:
+def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 560) -> str:
     """Horizontal bars, one per row, with a dashed line at `floor`."""
-    left, height = 210, 34 * len(rows) + 24
+    left, height = 170, 34 * len(rows) + 24
     most = max([v for _, v in rows if math.isfinite(v)] + [floor or 0.0, 1e-12])
     scale = (width - left - 70) / most
     body = []
@@ -63,7 +63,7 @@ def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 72
         x = left + scale * floor
         body.append(f'<path d="M{x:.1f},2V{height - 20}" stroke="currentColor" stroke-dasharray="4 3"/>')
         body.append(_text(x, height - 5, f"noise floor {floor:.4f}", "middle" if x > left + 60 else "start"))
-    return _svg(body, width, height, "errors after each step")
+    return f'<div style="max-width:{width}px">{_svg(body, width, height, "errors after each step")}</div>'
 
 
 def legend(items: Sequence[tuple[str, str]]) -> str:
@@ -81,6 +81,15 @@ def thin(values: Array, most: int = _MOST) -> NDArray[np.intp]:
     ends = np.append(edges[1:], n)
     picked = [a + f(values[a:b]) for a, b in zip(edges, ends, strict=True) for f in (np.argmin, np.argmax)]
     return np.unique(picked)
+
+
+def worst_stretch(residual: Array, share: float = 0.1, least: int = 100) -> slice:
+    """The stretch of a tenth of a record in which the residual is largest."""
+    n = len(residual)
+    length = min(max(int(share * n), least), n)
+    power = np.concatenate([[0.0], np.cumsum(np.asarray(residual) ** 2)])
+    start = int(np.argmax(power[length:] - power[: n + 1 - length]))
+    return slice(start, start + length)
 
 
 def ticks(low: float, high: float, count: int = 5) -> list[float]:
@@ -109,7 +118,7 @@ def _axes(x0: float, x1: float, y0: float, y1: float, width: int, height: int, x
         out.append(f'<path d="M{_LEFT},{py:.1f}H{right}" class="grid"/>' + _text(_LEFT - 6, py + 4, f"{y:.4g}", "end"))
     out.append(_text((_LEFT + right) / 2, height - 6, x_label, "middle"))
     middle = (_TOP + bottom) / 2
-    turned = f'transform="translate(13 {middle}) rotate(-90)" text-anchor="middle"'
+    turned = f'transform="translate(11 {middle}) rotate(-90)" text-anchor="middle"'
     out.append(f"<text {turned}>{html.escape(y_label)}</text>")
     return "".join(out)
 

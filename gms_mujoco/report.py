@@ -25,7 +25,7 @@ _VERDICTS = {
 
 _STYLE = """
 :root { color-scheme: light dark }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 780px; margin: 0 auto; padding: 1rem }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 940px; margin: 0 auto; padding: 1rem }
 h1 { font-size: 1.5rem; margin: .5rem 0 } h2 { font-size: 1.15rem; margin: 2rem 0 .5rem } h3 { font-size: 1rem }
 .verdict { border-left: 6px solid #2a9d5c; padding: .2rem 1rem; background: #8881 }
 .verdict.partly_explained, .verdict.unexplained { border-color: #c44e52 }
@@ -37,7 +37,8 @@ svg text { font-size: 12px; fill: currentColor } .grid { stroke: #8885; stroke-w
 .cloud { stroke-width: 2.5; stroke-linecap: round; opacity: .45 }
 .legend { margin: 0 0 1rem; font-size: .85rem } .legend span { margin-right: 1.2rem; white-space: nowrap }
 .legend i { display: inline-block; width: 1rem; height: .3rem; margin-right: .4rem; vertical-align: middle }
-@media print { body { max-width: none; font-size: 11pt } section, svg, tr { break-inside: avoid } }
+.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(330px, 1fr)); gap: .5rem 1.5rem }
+@media print { body { max-width: none; font-size: 11pt } .plots > div, tr { break-inside: avoid } }
 """
 
 
@@ -131,16 +132,19 @@ def _figures(diagnosis: Diagnosis, table: dict[str, Any]) -> str:
         shown = [(names[0], record, COLOURS[1])]
         if len(steps) > 1:
             shown.append((names[-1], last.records[i], COLOURS[2]))
-        measured = Curve("measured", record.time, record.measured, COLOURS[0])
-        needed = [Curve(n, r.time, r.needed, c) for n, r, c in shown]
-        parts.append(f"<section><h3>{_e(record.name)}</h3>")
-        parts.append(figure.plot([measured, *needed], "time [s]", torque))
+        near = figure.worst_stretch(_left(record))
+        needed = [Curve(n, r.time[near], r.needed[near], c) for n, r, c in shown]
+        needed.append(Curve("measured", record.time[near], record.measured[near], COLOURS[0]))
         left = [Curve(n, r.time, _left(r), c) for n, r, c in shown]
-        parts.append(figure.plot(left, "time [s]", f"left over, {torque}"))
+        plots = [
+            figure.plot(needed, "time [s], where the baseline fails most", torque),
+            figure.plot(left, "time [s]", f"left over, {torque}"),
+        ]
         for label, x in ((f"position [{angle}]", "position"), (f"velocity [{angle}/s]", "velocity")):
             clouds = [Curve(n, getattr(r, x), _left(r), c, points=True) for n, r, c in shown]
-            parts.append(figure.plot(clouds, label, f"left over, {torque}", height=220))
-        parts.append("</section>")
+            plots.append(figure.plot(clouds, label, f"left over, {torque}"))
+        cells = "".join(f"<div>{p}</div>" for p in plots)
+        parts.append(f'<section><h3>{_e(record.name)}</h3><div class="plots">{cells}</div></section>')
     return "".join(parts)
 
 

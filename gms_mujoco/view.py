@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import socket
 import subprocess
 import sys
+import tempfile
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +18,7 @@ from numpy.typing import NDArray
 
 from . import files
 from .errors import DataError, GmsError
-from .figure import thin
+from .figure import thin, worst_stretch
 from .report import step_names
 
 if TYPE_CHECKING:
@@ -27,8 +30,10 @@ RECORDING = "recording.rrd"
 _MEASURED = (76, 114, 176)
 _STEPS = ((196, 78, 82), (184, 134, 11), (129, 114, 179), (42, 157, 92))
 _GREY = (128, 128, 128)
+_LOADING = 8.0  # s from the first frame until notices have gone and all data is drawn
 _MOST = 4000  # samples of one record in the time plots
-_BOX = (1.6, 1.0)  # rerun has no x-y plot: curves are scaled into a box of this width and height
+_THIN = -0.75  # radius of a line; negative: in points of the screen
+_BOX = (2.4, 1.0)  # rerun has no x-y plot: curves are scaled into a box of this width and height
 
 
 def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
@@ -47,9 +52,10 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
         stream.log("verdict", rr.TextDocument(_text(table, names), media_type="text/markdown"), static=True)
         _errors(stream, table, names)
         tabs = [_record(stream, diagnosis, names, i) for i in range(len(_records(diagnosis)))]
+        bounds = rrb.VisualBounds2D(x_range=[-0.2, _BOX[0] + 0.2], y_range=[-0.2, max(0.3 * len(names) + 0.2, 0.8)])
         overview = rrb.Horizontal(
             rrb.TextDocumentView(origin="verdict", name="verdict"),
-            rrb.Spatial2DView(origin="errors", name="error on validate records"),
+            rrb.Spatial2DView(origin="errors", name="error on validate records", visual_bounds=bounds),
             name="overview",
         )
         rows = rrb.Vertical(overview, rrb.Tabs(*tabs), row_shares=[1, 2]) if tabs else overview
@@ -76,21 +82,49 @@ def open_recording(path: str | Path, screenshot: str | Path | None = None) -> No
         raise DataError(f"{file}: no such recording; expected a .rrd file or a folder with {RECORDING}")
     if file.suffix != ".rrd":
         raise DataError(f"{file}: not a recording; expected a .rrd file or a folder with {RECORDING}")
-    command = [sys.executable, "-m", "rerun", str(file), "--bind", "127.0.0.1", "--port", "auto"]
-    if screenshot is None:
-        if subprocess.run(command).returncode:
-            raise GmsError("the rerun viewer ended with an error; its messages stand above")
-        return
-    with files.whole(screenshot) as temporary:
-        command += ["--headless", "--window-size", "1600x1000", "--screenshot-to", str(temporary)]
+    port = _free_port()
+    command = [sys.executable, "-m", "rerun", str(file), "--bind", "127.0.0.1", "--port", str(port)]
+    if screenshot is not None:
+        files.write_bytes(screenshot, _picture(command, port))
+    elif subprocess.run(command).returncode:
+        raise GmsError("the rerun viewer ended with an error; its messages stand above")
+
+
+def _picture(command: list[str], port: int) -> bytes:
+    """PNG of a viewer without a window."""
+    from rerun.experimental import ViewerClient
+
+    command = [*command, "--headless", "--window-size", "1600x1000"]
+    with tempfile.TemporaryFile() as log:
+        viewer = subprocess.Popen(command, stdout=log, stderr=log)
+        last = "no answer"
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        except subprocess.TimeoutExpired:
-            last = "no picture within 120 s"
-        if not temporary.stat().st_size:
-            raise GmsError(f"{screenshot}: the rerun viewer made no picture ({last}); it needs a Vulkan driver, "
-                           "on Debian the package mesa-vulkan-drivers")
+            for _ in range(40):  # until it listens
+                time.sleep(0.5)
+                if viewer.poll() is not None:
+                    break
+                try:
+                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                    client.take_screenshot(max_size=64)  # answers once the first frame is painted
+                    time.sleep(_LOADING)
+                    return client.take_screenshot()
+                except Exception as error:  # whatever it is, the viewer is not up yet
+                    last = str(error)
+            log.seek(0)
+            said = log.read().decode(errors="replace").strip().splitlines() or [last]
+            raise GmsError(
+                f"the rerun viewer made no picture ({said[-1][:160]}); it needs a Vulkan driver, "
+                "on Debian the package mesa-vulkan-drivers"
+            )
+        finally:
+            viewer.kill()
+            viewer.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
 
 
 def _records(diagnosis: Diagnosis) -> list[Any]:
@@ -117,19 +151,14 @@ def _errors(stream: rr.RecordingStream, table: dict[str, Any], names: list[str])
         return
     scale = _BOX[0] / max(*(v for _, v in rows), floor or 0.0, 1e-12)
     for i, (name, value) in enumerate(rows):
-        middle = 0.3 * i + 0.1
-        box = rr.Boxes2D(
-            centers=[(value * scale / 2, middle)],
-            half_sizes=[(value * scale / 2, 0.1)],
-            labels=[f"{name}  {value:.4f}"],
-            colors=[_colour(i, len(rows))],
-            show_labels=True,
-        )
-        stream.log(f"errors/{i}", box, static=True)
+        bar, at = [[(0.0, 0.3 * i), (value * scale, 0.3 * i)]], [(0.5 * _BOX[0], 0.3 * i + 0.04)]
+        label = f"{name}  {value:.4f}"
+        stream.log(f"errors/{i}", rr.LineStrips2D(bar, colors=[_colour(i, len(rows))], radii=0.03), static=True)
+        stream.log(f"errors/{i}/label", _labels(at, [label]), static=True)
     if floor:
-        line = [[(floor * scale, -0.1), (floor * scale, 0.3 * len(rows))]]
-        label = f"noise floor  {floor:.4f}"
-        stream.log("errors/floor", rr.LineStrips2D(line, colors=[_GREY], labels=[label], show_labels=True), static=True)
+        x, low = floor * scale, 0.3 * len(rows) - 0.1
+        stream.log("errors/floor", rr.LineStrips2D([[(x, -0.1), (x, low)]], colors=[_GREY], radii=_THIN), static=True)
+        stream.log("errors/floor/label", _labels([(x, low)], [f"noise floor  {floor:.4f}"]), static=True)
 
 
 def _record(stream: rr.RecordingStream, diagnosis: Diagnosis, names: list[str], i: int) -> rrb.Container:
@@ -145,32 +174,34 @@ def _record(stream: rr.RecordingStream, diagnosis: Diagnosis, names: list[str], 
         _series(stream, f"{root}/torque/{_part(name)}", name, r.time, r.needed, colour)
         _series(stream, f"{root}/residual/{_part(name)}", name, r.time, r.measured - r.needed, colour)
     shown = [(names[0], steps[0], _colour(0, 2))] + ([(names[-1], steps[-1], _colour(1, 2))] if len(steps) > 1 else [])
-    loops = [("measured", first.measured, _MEASURED), *((n, r.needed, c) for n, r, c in shown)]
-    _drawing(stream, f"{root}/loop", first.position, loops, f"position [{angle}]", f"[{torque}]", lines=True)
+    near = worst_stretch(first.measured - first.needed)
+    loops = [*((n, r.needed[near], c) for n, r, c in shown), ("measured", first.measured[near], _MEASURED)]
+    _drawing(stream, f"{root}/loop", first.position[near], loops, f"position [{angle}]", f"torque [{torque}]", True)
     left = [(n, r.measured - r.needed, c) for n, r, c in shown]
-    _drawing(stream, f"{root}/over_position", first.position, left, f"position [{angle}]", f"[{torque}]")
-    _drawing(stream, f"{root}/over_velocity", first.velocity, left, f"velocity [{angle}/s]", f"[{torque}]")
+    _drawing(stream, f"{root}/over_position", first.position, left, f"position [{angle}]", f"left over [{torque}]")
+    _drawing(stream, f"{root}/over_velocity", first.velocity, left, f"velocity [{angle}/s]", f"left over [{torque}]")
+    frame = rrb.VisualBounds2D(x_range=[-0.1, _BOX[0] + 0.1], y_range=[-0.2, _BOX[1] + 0.2])
     return rrb.Horizontal(
         rrb.Vertical(
             rrb.TimeSeriesView(origin=f"{root}/torque", name=f"torque [{torque}]"),
             rrb.TimeSeriesView(origin=f"{root}/residual", name=f"left over: measured - model [{torque}]"),
         ),
         rrb.Vertical(
-            rrb.Spatial2DView(origin=f"{root}/loop", name="torque over position"),
-            rrb.Spatial2DView(origin=f"{root}/over_position", name="left over, over position"),
-            rrb.Spatial2DView(origin=f"{root}/over_velocity", name="left over, over velocity"),
+            rrb.Spatial2DView(origin=f"{root}/loop", name="loops where the baseline fails most", visual_bounds=frame),
+            rrb.Spatial2DView(origin=f"{root}/over_position", name="left over, over position", visual_bounds=frame),
+            rrb.Spatial2DView(origin=f"{root}/over_velocity", name="left over, over velocity", visual_bounds=frame),
         ),
-        column_shares=[2, 1],
+        column_shares=[5, 3],
         name=first.name,
     )
 
 
 def _series(
-    stream: rr.RecordingStream, entity: str, name: str, time: Array, value: Array, colour: tuple[int, int, int]
+    stream: rr.RecordingStream, entity: str, name: str, seconds: Array, value: Array, colour: tuple[int, int, int]
 ) -> None:
     i = thin(value, _MOST)
     stream.log(entity, rr.SeriesLines(colors=[colour], names=[name]), static=True)
-    stream.send_columns(entity, [rr.TimeColumn("time", duration=time[i])], rr.Scalars.columns(scalars=value[i]))
+    stream.send_columns(entity, [rr.TimeColumn("time", duration=seconds[i])], rr.Scalars.columns(scalars=value[i]))
 
 
 def _drawing(
@@ -190,19 +221,18 @@ def _drawing(
         i = np.arange(len(y)) if lines and len(y) <= _MOST else thin(y, _MOST)
         at = (np.column_stack([x[i], y[i]]) - low) / span * _BOX
         at[:, 1] = _BOX[1] - at[:, 1]  # rerun's y points down
-        shape = rr.LineStrips2D([at], colors=[colour]) if lines else rr.Points2D(at, colors=[colour], radii=0.004)
-        stream.log(f"{entity}/{_part(name)}", shape, static=True)
+        line, cloud = rr.LineStrips2D([at], colors=[colour], radii=_THIN), rr.Points2D(at, colors=[colour], radii=-1.2)
+        stream.log(f"{entity}/{_part(name)}", line if lines else cloud, static=True)
     w, h = _BOX
-    stream.log(
-        f"{entity}/frame",
-        rr.LineStrips2D([[(0, 0), (0, h), (w, h), (w, 0), (0, 0)]], colors=[_GREY]),
-        static=True,
-    )
-    labels = [f"{high[1]:.3g} {y_label}", f"{low[1]:.3g} {y_label}", f"{low[0]:.3g}", f"{high[0]:.3g} {x_label}"]
-    corners = [(0, -0.04), (0, h + 0.04), (0.25 * w, h + 0.04), (w, h + 0.04)]
-    stream.log(
-        f"{entity}/scale", rr.Points2D(corners, labels=labels, colors=[_GREY], radii=0.0, show_labels=True), static=True
-    )
+    corners = [(0, 0), (0, h), (w, h), (w, 0), (0, 0)]
+    stream.log(f"{entity}/frame", rr.LineStrips2D([corners], colors=[_GREY], radii=_THIN), static=True)
+    ranges = [f"up: {y_label} {low[1]:.3g} to {high[1]:.3g}", f"across: {x_label} {low[0]:.4g} to {high[0]:.4g}"]
+    stream.log(f"{entity}/scale", _labels([(w / 2, -0.16), (w / 2, h)], ranges), static=True)
+
+
+def _labels(at: list[tuple[float, float]], texts: list[str]) -> rr.Points2D:
+    """Texts that hang below points."""
+    return rr.Points2D(at, labels=texts, colors=[_GREY], radii=0.0, show_labels=True)
 
 
 def _colour(step: int, steps: int) -> tuple[int, int, int]:
