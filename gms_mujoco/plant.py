@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -124,7 +125,7 @@ class Plant:
                 lines.append(f"{p.name} = {text}  # {slide_unit(p.unit) if self.kind == 'slide' else p.unit}, {p.doc}")
         if self.uncertainty:
             lines += ["", "[uncertainty]  # 95 % intervals"]
-            lines += [f'"{k}" = [{lo!r}, {hi!r}]' for k, (lo, hi) in self.uncertainty.items()]
+            lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in self.uncertainty.items()]
         if self.provenance:
             lines += ["", "[provenance]"]
             lines += [f"{k} = {_toml_value(v)}" for k, v in self.provenance.items()]
@@ -162,13 +163,18 @@ class Plant:
         for name, values in _table(table, "effects").items():
             if not isinstance(values, Mapping):
                 raise ModelError(f"effects.{name} must be a table of parameters; {values!r} given")
-            built.append(effects.find(name)(**values))
+            kind = effects.find(name)
+            known = [p.name for p in kind.parameters]
+            for key in values:
+                if key not in known:
+                    raise ModelError(f"{name} has no parameter {key!r}; its parameters are {listing(known)}")
+            built.append(kind(**values))
         return cls(
             inertia,
             tuple(built),
             axis.get("kind", "hinge"),
             bool(axis.get("inertia_known", inertia is not None)),
-            {k: (float(v[0]), float(v[1])) for k, v in _table(table, "uncertainty").items()},
+            {k: _interval(k, v) for k, v in _table(table, "uncertainty").items()},
             dict(_table(table, "provenance")),
         )
 
@@ -191,6 +197,14 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return value
 
 
+def _interval(key: str, value: Any) -> tuple[float, float]:
+    try:
+        low, high = value
+        return float(low), float(high)
+    except (TypeError, ValueError):
+        raise ModelError(f"uncertainty.{key} must be an interval [low, high]; {value!r} given") from None
+
+
 def _toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -198,5 +212,4 @@ def _toml_value(value: Any) -> str:
         return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
-    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{text}"'
+    return json.dumps(str(value), ensure_ascii=False)  # the escapes of JSON are those of TOML

@@ -1,0 +1,47 @@
+"""A file is whole or absent, and what stood there before is not lost to a failure."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gms_mujoco import files
+from gms_mujoco.errors import GmsError
+
+
+def test_text_and_bytes_arrive_with_ordinary_rights(tmp_path: Path) -> None:
+    files.write_text(tmp_path / "a.toml", "µ = 1\n")
+    files.write_bytes(tmp_path / "b.bin", b"\0\1")
+    (tmp_path / "plain").touch()
+    assert (tmp_path / "a.toml").read_text(encoding="utf-8") == "µ = 1\n"
+    assert (tmp_path / "b.bin").read_bytes() == b"\0\1"
+    assert (tmp_path / "a.toml").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_a_failure_half_way_keeps_the_old_file_and_leaves_no_other(tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text("old")
+    with pytest.raises(RuntimeError), files.whole(tmp_path / "model.toml") as temporary:
+        temporary.write_text("half of the ne")
+        raise RuntimeError
+    assert os.listdir(tmp_path) == ["model.toml"] and (tmp_path / "model.toml").read_text() == "old"
+
+
+def test_missing_folder_is_named(tmp_path: Path) -> None:
+    for write in (lambda p: files.write_text(p, ""), files.expect_writable):
+        with pytest.raises(GmsError, match="nowhere"):
+            write(tmp_path / "nowhere" / "model.toml")
+
+
+def test_a_folder_is_no_file_to_write(tmp_path: Path) -> None:
+    with pytest.raises(GmsError, match="is a folder"):
+        files.expect_writable(tmp_path)
+    with pytest.raises(GmsError):
+        files.write_text(tmp_path, "")
+    assert os.listdir(tmp_path.parent).count(tmp_path.name) == 1
+
+
+def test_a_file_is_no_folder_to_make(tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    with pytest.raises(GmsError, match="taken"):
+        files.make_folder(tmp_path / "taken")
+    assert files.make_folder(tmp_path / "a" / "b").is_dir()

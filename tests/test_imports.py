@@ -1,0 +1,95 @@
+"""Imports point one way, as design.md draws it; optional dependencies live at the edges."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
+
+# A module may import those of lower rank, and of its own rank where the drawing lets it.
+LAYERS = [
+    {"errors", "parameter", "version"},
+    {"files", "units", "timing", "progress", "figure", "native"},
+    {"record", "formats", "effect"},
+    {"effects", "dataset", "frf"},
+    {"plant", "coordinates"},
+    {"simulate", "inverse", "noise", "scales", "starts", "engine"},
+    {"fit", "compare"},
+    {"diagnose", "screen", "evidence"},
+    {"demo", "report"},
+    {"env", "control", "view"},
+    {"cli"},
+    {"__init__", "__main__"},
+]
+RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
+EDGES = {"env", "control", "view", "cli", "report", "demo"}
+OPTIONAL = {"rerun", "gymnasium", "matplotlib"}
+
+
+def _modules() -> dict[str, list[Path]]:
+    found: dict[str, list[Path]] = {}
+    for path in PACKAGE.rglob("*.py"):
+        top = path.relative_to(PACKAGE).parts[0]
+        found.setdefault(top.removesuffix(".py"), []).append(path)
+    return found
+
+
+MODULES = _modules()
+
+
+def _imports(path: Path) -> tuple[set[str], set[str]]:
+    """Modules of this package and of others that a file imports when it is loaded or run, annotations aside."""
+    own: set[str] = set()
+    other: set[str] = set()
+    depth = len(path.relative_to(PACKAGE).parts)
+
+    def visit(node: ast.AST, at_load: bool) -> None:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            return
+        if isinstance(node, ast.Import):
+            other.update(a.name.split(".")[0] for a in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            other.add((node.module or "").split(".")[0])
+        elif isinstance(node, ast.ImportFrom) and node.level == depth and at_load:
+            own.update([node.module.split(".")[0]] if node.module else [a.name for a in node.names])
+        inside = at_load and not isinstance(node, ast.FunctionDef)
+        for child in ast.iter_child_nodes(node):
+            visit(child, inside)
+
+    visit(ast.parse(path.read_text(encoding="utf-8")), True)
+    return {n for n in own if n in MODULES}, other
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_a_module_has_its_place_and_imports_downwards(name: str) -> None:
+    assert name in RANK, f"give {name} its place in LAYERS"
+    for path in MODULES[name]:
+        for used in _imports(path)[0] - {name}:
+            assert RANK[used] <= RANK[name], f"{path.relative_to(PACKAGE)} imports {used}, which stands above it"
+
+
+def test_nothing_imports_the_edges() -> None:
+    for name, paths in MODULES.items():
+        if name not in EDGES | {"__init__", "__main__"}:
+            for path in paths:
+                assert not _imports(path)[0] & EDGES, f"{path.relative_to(PACKAGE)} imports an edge"
+
+
+def test_optional_dependencies_live_at_the_edges() -> None:
+    for name, paths in MODULES.items():
+        if name not in EDGES:
+            for path in paths:
+                assert not _imports(path)[1] & OPTIONAL, f"{path.relative_to(PACKAGE)} needs an optional package"
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    graph = {name: set().union(*(_imports(p)[0] for p in paths)) - {name} for name, paths in MODULES.items()}
+
+    def reach(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, f"imports run in a circle: {' -> '.join((*path, name))}"
+        for used in graph[name]:
+            reach(used, (*path, name))
+
+    for name in graph:
+        reach(name, ())

@@ -1,0 +1,92 @@
+"""A Plant is a value: adding makes another, and a file of it is it."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gms_mujoco import effects
+from gms_mujoco.errors import GmsError, ModelError
+from gms_mujoco.plant import Plant
+
+GMS = effects.find("gms")(
+    stiffness=[0.8, 0.4], fraction=[0.3, 0.7], coulomb=4.5e-3, static=5.4e-3, stribeck_velocity=0.8, attraction=0.3
+)
+VISCOUS = effects.find("viscous")(coefficient=2e-5)
+PLANT = Plant.axis(2.4e-5) + GMS + VISCOUS
+anyhow = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def test_plus_makes_a_new_plant() -> None:
+    bare = Plant.axis(2.4e-5)
+    assert (bare + VISCOUS).effects == (VISCOUS,) and bare.effects == ()
+    assert "gms" in PLANT and "cogging" not in PLANT and PLANT["viscous"] == VISCOUS
+    assert PLANT.without("gms").effects == (VISCOUS,)
+    assert PLANT.replace(VISCOUS.replace(coefficient=1.0))["viscous"].coefficient == 1.0
+
+
+def test_a_file_of_a_plant_is_the_plant(tmp_path: Path) -> None:
+    told = replace(PLANT, uncertainty={"gms.coulomb": (4e-3, 5e-3)}, provenance={"records": ["a.csv"], "error": 0.1})
+    told.save(tmp_path / "model.toml")
+    read = Plant.load(tmp_path / "model.toml")
+    assert read == PLANT and read.uncertainty == told.uncertainty and read.provenance == told.provenance
+    slide = Plant.axis(kind="slide") + VISCOUS
+    assert Plant.from_table(tomllib.loads(slide.to_toml())) == slide
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[axis]\ninertia = -1.0\n", "inertia must be a positive number"),
+        ('[axis]\ninertia = "big"\n', "axis.inertia must be a number"),
+        ('[axis]\nkind = "ball"\n', "hinge, slide"),
+        ("[axis]\nmass = 1.0\n", "'mass'.*inertia"),
+        ("[effects.frictoin]\n", "'frictoin'.*viscous"),
+        ("[effects.viscous]\ndamping = 1.0\n", "viscous has no parameter 'damping'.*coefficient"),
+        ("[effects.viscous]\ncoefficient = -1.0\n", r"viscous.coefficient must lie in \[0"),
+        ('[effects.viscous]\ncoefficient = "x"\n', "viscous.coefficient must be a number"),
+        ("[effects.gms]\nstiffness = [1.0, 1.0]\nfraction = [0.5, 0.4]\n", "gms.fraction must sum to 1.*0.9"),
+        ("[effects.gms]\nstiffness = [1.0, 1.0]\nfraction = [1.0]\n", "equally many values"),
+        ("effects = 3\n", "effects must be a table"),
+        ("[effects]\nviscous = 3\n", "effects.viscous must be a table"),
+        ("[axis\n", "not a readable TOML file"),
+        ("[uncertainty]\ninertia = 3\n", "uncertainty"),
+    ],
+)
+def test_a_wrong_file_is_named_with_what_was_expected(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text(text)
+    with pytest.raises(ModelError, match=f"model.toml: .*{message}"):
+        Plant.load(tmp_path / "model.toml")
+
+
+def test_missing_file_and_missing_values_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no such file"):
+        Plant.load(tmp_path / "model.toml")
+    with pytest.raises(ModelError, match=r"gms.coulomb, gms.stiffness, inertia"):
+        (Plant.axis() + effects.find("gms")(stribeck_velocity=1, static=1, attraction=1)).complete()
+
+
+def test_an_effect_stands_in_a_plant_once() -> None:
+    with pytest.raises(ModelError, match="viscous already"):
+        PLANT + VISCOUS
+    with pytest.raises(ModelError, match=r"no 'cogging'.*gms, viscous"):
+        PLANT.without("cogging")
+
+
+names = st.sampled_from(["axis", "effects.gms", "effects.viscous", "effects", "uncertainty", "provenance", "x"])
+keys = st.sampled_from(["inertia", "kind", "coefficient", "stiffness", "fraction", "inertia_known", "viscous", "gms"])
+numbers = st.sampled_from(["0", "-1.0", "nan", "1e400", '"x"', "[]", "[1.0, 2.0]", "[[1]]", '["x"]', "{}", "0.5"])
+lines = st.tuples(keys, numbers).map(" = ".join) | names.map("[{}]".format)
+
+
+@anyhow
+@given(body=st.lists(lines, max_size=6))
+def test_any_model_toml_is_read_or_refused_in_one_line(body: list[str], tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text("\n".join(body))
+    try:
+        assert isinstance(Plant.load(tmp_path / "model.toml"), Plant)
+    except GmsError as error:
+        assert "model.toml" in str(error) and "\n" not in str(error)
