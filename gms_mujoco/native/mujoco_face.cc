@@ -140,6 +140,11 @@ std::string read_effect(const mjModel* m, int id, const gms::Effect& effect, std
       }
       sum += x;
     }
+    for (size_t j = 0; p.at_least && j < i; j++) {
+      for (size_t k = 0; k < v.size() && std::string(p.at_least) == effect.parameters[j].name; k++) {
+        if (v[k] < given[j][k]) return key + " must be at least " + p.at_least;
+      }
+    }
     if (p.share && std::fabs(sum - 1) > 1e-6) return key + " must sum to 1; the sum is " + std::to_string(sum);
     packed->insert(packed->end(), v.begin(), v.end());
   }

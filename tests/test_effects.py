@@ -1,0 +1,142 @@
+"""The contract that every effect of the catalogue keeps; a new file in effects/ joins by being there."""
+
+import math
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+
+from gms_mujoco import effects, engine
+from gms_mujoco.effect import KINDS, Effect
+from gms_mujoco.errors import ModelError
+from gms_mujoco.plant import Plant
+
+EVERY = pytest.mark.parametrize("name", effects.CATALOGUE)
+NATIVE = pytest.mark.parametrize("name", [n for n, c in effects.CATALOGUE.items() if c.is_native])
+
+
+def example(name: str, elements: int = 3) -> Effect:
+    """An effect with some value other than zero for every parameter, each above the one before."""
+    kind = effects.find(name)
+    values = {}
+    for i, p in enumerate(kind.parameters):
+        if p.share:
+            continue  # equal shares
+        low, high = max(p.lower, -1.0), min(p.upper, 10.0)
+        value = low + (0.1 + 0.05 * i) * min(high - low, 4.0) if p.default != p.default or p.default == 0 else p.default
+        values[p.name] = [value * (1 + 0.5 * j) for j in range(elements)] if p.per_element else value
+    return kind(**values)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """(n,) time, position and velocity with reversals, rests and slow and fast parts."""
+    t = np.arange(3000) * 1e-3
+    q = 1.2 * np.sin(2 * np.pi * 1.7 * t) + 0.3 * np.sin(2 * np.pi * 0.31 * t + 1)
+    q = np.where((t > 1) & (t < 1.2), q[1000], q)
+    return t, q, np.gradient(q, t)
+
+
+@EVERY
+def test_says_what_it_is(name):
+    kind = effects.find(name)
+    assert kind.name == name and kind.kind in KINDS
+    assert "Source" in kind.doc or "Yoon" in kind.doc, "names no source"
+    assert kind.signature.endswith(".") and kind.experiment.endswith(".")
+    assert kind.__name__ == "".join(w.title() for w in name.split("_")) or kind.__name__.isupper() or name == "lugre"
+    assert getattr(effects, kind.__name__) is kind
+    for p in kind.parameters:
+        assert p.unit and p.doc
+        assert p.lower < p.upper
+        assert math.isnan(p.default) or p.lower <= p.default <= p.upper
+
+
+@EVERY
+def test_survives_model_toml(name, tmp_path):
+    plant = Plant.axis(0.1) + example(name)
+    plant.save(tmp_path / "model.toml")
+    assert Plant.load(tmp_path / "model.toml") == plant
+
+
+@EVERY
+def test_refuses_what_it_does_not_know(name):
+    with pytest.raises(ModelError, match="has no parameter 'wrong'"):
+        effects.find(name)(wrong=1)
+    for p in effects.find(name).parameters:
+        if math.isfinite(p.lower):
+            bad = p.lower - 1
+            with pytest.raises(ModelError, match=f"{name}.{p.name} must"):
+                effects.find(name)(**{p.name: [bad] if p.per_element else bad})
+
+
+@EVERY
+def test_delivers_a_constant_command_unchanged(name):
+    time, command = np.arange(50) * 1e-3, np.full(50, 0.25)
+    if effects.find(name).kind == "drive":
+        assert np.allclose(example(name).deliver(time, command), command)
+    else:
+        assert example(name).deliver(time, command) is command
+
+
+@NATIVE
+def test_replay_is_finite_and_one_share(name, motion):
+    r = (Plant.axis() + example(name)).joint().replay(*motion, parts=True, states=True)
+    assert np.isfinite(r.torque).all() and np.isfinite(r.states).all()
+    assert np.array_equal(r.parts[:, 0], r.torque)
+
+
+@NATIVE
+def test_standing_still_changes_no_state(name, motion):
+    joint = (Plant.axis() + example(name)).joint()
+    t, q, v = motion
+    once = joint.replay(t, q, v, states=True)
+    twice = joint.replay(np.repeat(t, 2), np.repeat(q, 2), np.repeat(v, 2), states=True)
+    assert np.array_equal(once.states, twice.states[1::2])
+    if joint.n_state > 2:  # the torque comes from the state, so it stands still with it
+        assert np.array_equal(twice.torque[::2], twice.torque[1::2])
+
+
+@NATIVE
+def test_zero_memory_is_never_moved(name, motion):
+    joint = (Plant.axis() + example(name)).joint()
+    assert np.array_equal(
+        joint.replay(*motion).torque, joint.replay(*motion, memory=np.zeros(joint.n_memory)).torque
+    )
+
+
+@NATIVE
+def test_modulating_effects_scale_the_friction_laws(name, motion):
+    kind = effects.find(name)
+    law = effects.Coulomb(coulomb=1.0)
+    alone = (Plant.axis() + law).joint().replay(*motion).torque
+    if name == "coulomb":
+        return
+    parts = (Plant.axis() + law + example(name)).joint().replay(*motion, parts=True).parts
+    assert kind.modulates == (not np.array_equal(parts[:, 0], alone))
+
+
+@NATIVE
+@pytest.mark.parametrize("joint_kind", ["hinge", "slide"])
+def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
+    """Along a driven motion with reversals, in MuJoCo, with a second law beside the effect."""
+    plant = Plant.axis(kind=joint_kind) + example(name)
+    if name != "viscous":
+        plant += effects.Viscous(coefficient=0.1)
+    spec = mujoco.MjSpec.from_string(
+        f'<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body><joint name="j" type="{joint_kind}" '
+        'axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = engine.attach(spec, {"j": plant}, "explicit").compile()
+    data = mujoco.MjData(model)
+    rows = []
+    for k in range(1500):
+        data.qfrc_applied[0] = 12 * math.cos(0.012 * k) + 3 * math.cos(0.05 * k)
+        mujoco.mj_forward(model, data)
+        rows.append((data.time, data.qpos[0], data.qvel[0], data.qfrc_passive[0]))
+        mujoco.mj_step(model, data)
+    t, q, v, torque = np.array(rows).T
+    assert np.ptp(np.sign(v)) == 2, "the motion must reverse"
+    assert np.array_equal(plant.joint().replay(t, q, v).torque, torque)
