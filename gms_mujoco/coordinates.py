@@ -1,7 +1,8 @@
 """Coordinates: the free parameters of a plant as one vector that an optimiser can move.
 
 Parameters without a natural zero (stiffness, level, velocity) move on a logarithmic scale; those that vanish when
-the effect is absent move linearly; shares that sum to 1 move as log-ratios to the last share.
+the effect is absent, or that have another as their lower bound, move linearly (from that bound); shares that sum
+to 1 move as log-ratios to the last share.
 """
 
 from __future__ import annotations
@@ -32,7 +33,14 @@ class _Block:
     def scale(self) -> str:
         if self.parameter.share:
             return "share"
+        if self.parameter.at_least:
+            return "above"
         return "log" if self.parameter.lower >= 0 and self.parameter.default != 0 else "linear"
+
+    @property
+    def reference(self) -> str:
+        """Label of the parameter that bounds this one from below."""
+        return f"{self.effect}.{self.parameter.at_least}"
 
     @property
     def size(self) -> int:
@@ -47,13 +55,13 @@ class _Block:
         return [self.label] if self.count == 1 else [f"{self.label}[{i}]" for i in range(self.count)]
 
     def encode(self, value: Array) -> Array:
-        if self.scale == "linear":
+        if self.scale in ("linear", "above"):
             return value
         z = np.log(np.maximum(value, 1e-300))
         return z[:-1] - z[-1] if self.scale == "share" else z
 
     def decode(self, x: Array) -> Array:
-        if self.scale == "linear":
+        if self.scale in ("linear", "above"):
             return x
         if self.scale == "log":
             return np.clip(np.exp(np.clip(x, -690, 690)), self.parameter.lower, self.parameter.upper)
@@ -65,6 +73,8 @@ class _Block:
         lower, upper = self.parameter.lower, self.parameter.upper
         if self.scale == "share":
             return -12.0, 12.0  # a share of 6e-6 is none
+        if self.scale == "above":
+            return 0.0, np.inf
         if self.scale == "log":
             return np.log(max(lower, 1e-300)), np.log(upper)
         return lower, upper
@@ -99,15 +109,17 @@ class Coordinates:
 
     @property
     def is_linear(self) -> NDArray[np.bool_]:
-        """Which coordinates are the parameter itself."""
-        return np.array([b.scale == "linear" for b in self.blocks for _ in range(b.size)], bool)
+        """Which coordinates are in the unit of their parameter."""
+        return np.array([b.scale in ("linear", "above") for b in self.blocks for _ in range(b.size)], bool)
 
     def encode(self, plant: Plant) -> Array:
         """(size,) coordinates of a plant."""
-        parts = [
-            b.encode(np.atleast_1d(np.asarray(plant[b.effect].values[b.parameter.name] if b.effect else plant.inertia)))
-            for b in self.blocks
-        ]
+        parts = []
+        for b in self.blocks:
+            value = plant[b.effect].values[b.parameter.name] if b.effect else plant.inertia
+            if b.scale == "above":
+                value = np.subtract(value, plant[b.effect].values[b.parameter.at_least])
+            parts.append(b.encode(np.atleast_1d(np.asarray(value, float))))
         return np.concatenate(parts) if parts else np.empty(0)
 
     def values(self, x: Array) -> dict[str, Array]:
@@ -115,8 +127,14 @@ class Coordinates:
         out, at = {}, 0
         for b in self.blocks:
             out[b.label] = b.decode(x[at : at + b.size])
+            if b.scale == "above":
+                out[b.label] = out[b.label] + self._bound(b, out)
             at += b.size
         return out
+
+    def _bound(self, block: _Block, values: dict[str, Array]) -> Array:
+        fixed = self.template[block.effect].values[block.parameter.at_least]
+        return values.get(block.reference, np.atleast_1d(np.asarray(fixed)))
 
     def decode(self, x: Array) -> Plant:
         """The plant at these coordinates."""
@@ -135,7 +153,7 @@ class Coordinates:
     def intervals(self, x: Array, covariance: Array, z: float = 1.96) -> dict[str, tuple[float, float]]:
         """Interval of each value, by its name, from the covariance of the coordinates."""
         out: dict[str, tuple[float, float]] = {}
-        at = 0
+        values, at = self.values(x), 0
         for b in self.blocks:
             here = slice(at, at + b.size)
             at += b.size
@@ -147,5 +165,12 @@ class Coordinates:
             else:
                 sigma = np.sqrt(np.maximum(np.diag(covariance)[here], 0))
                 lower, upper = b.decode(x[here] - z * sigma), b.decode(x[here] + z * sigma)
+                if b.scale == "above":
+                    lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}
         return out
+
+
+def all_labels(plant: Plant) -> list[str]:
+    """Names of everything that could move in a fit of `plant`."""
+    return ["inertia", *(f"{e.name}.{p.name}" for e in plant.effects for p in e.parameters)]

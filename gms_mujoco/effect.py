@@ -63,6 +63,13 @@ class Effect:
         self.elements = n
         self.values = {p.name: _checked(self.name, p, values.get(p.name), n) for p in self.parameters}
 
+        for p in self.parameters:
+            if p.at_least and np.any(np.asarray(self.values[p.name]) < np.asarray(self.values[p.at_least])):
+                raise ModelError(
+                    f"{self.name}.{p.name} must be at least {p.at_least}; "
+                    f"{self.values[p.name]} and {self.values[p.at_least]} given"
+                )
+
     def __getattr__(self, name: str) -> Value:
         values = self.__dict__.get("values", {})
         if name in values:

@@ -9,10 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from . import effects
 from .coordinates import Coordinates
 from .errors import DataError
 from .inverse import Observation
+from .noise import choose_bandwidth, estimate_noise, floor_residual
 from .plant import Plant
+from .record import Record
+from .scales import Scales
+from .starts import starts
+from .version import __version__
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -25,10 +31,12 @@ class Misfit:
     sample: nobody measured where the elements stood when the recording began.
     """
 
-    def __init__(self, template: Plant, observations: Sequence[Observation], fixed: Collection[str] = ()) -> None:
+    def __init__(
+        self, template: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), memory: bool = True
+    ) -> None:
         self.coordinates = Coordinates(template, fixed)
         self.observations = tuple(observations)
-        self.n_memory = template.joint().n_memory
+        self.n_memory = template.joint().n_memory if memory else 0
         self.splits = np.cumsum([len(o.index) for o in self.observations])[:-1]
 
     @property
@@ -41,8 +49,10 @@ class Misfit:
         ones = np.ones(self.n_memory * len(self.observations))
         return np.append(lower, -ones), np.append(upper, ones)
 
-    def memory(self, x: Array, i: int) -> Array:
-        """(n_memory,) state before observation i."""
+    def memory(self, x: Array, i: int) -> Array | None:
+        """(n_memory,) state before observation i; None: the elements have never moved."""
+        if not self.n_memory:
+            return None
         start = self.coordinates.size + i * self.n_memory
         return x[start : start + self.n_memory]
 
@@ -73,7 +83,7 @@ class Misfit:
                             memory[k] = kept
         return x
 
-    def _one(self, plant: Plant, i: int, memory: Array) -> Array:
+    def _one(self, plant: Plant, i: int, memory: Array | None) -> Array:
         o = self.observations[i]
         return o.applied(plant) - o.needed(plant, memory)
 
@@ -97,7 +107,7 @@ class Misfit:
             moved[j] += step
             out[:, j] = (self.residual(moved) - base) / (moved[j] - x[j])
         plant = self.coordinates.decode(x[:n])
-        for i, part in enumerate(np.split(base, self.splits)):
+        for i, part in enumerate(np.split(base, self.splits) if self.n_memory else ()):
             rows = slice(self.splits[i - 1] if i else 0, (self.splits[i - 1] if i else 0) + len(part))
             for k in range(self.n_memory):
                 moved = self.memory(x, i).copy()
@@ -117,46 +127,7 @@ def _cost(r: Array) -> float:
     return float(r @ r)
 
 
-@dataclass(frozen=True)
-class Scales:
-    """Typical sizes in a set of observations, from which typical sizes of parameters follow by their unit."""
-
-    torque: float
-    position: float
-    velocity: float
-    acceleration: float
-    sample_time: float
-
-    @classmethod
-    def of(cls, observations: Sequence[Observation]) -> Scales:
-        def pooled(values: list[Array]) -> float:
-            return float(np.sqrt(np.mean([np.mean(v**2) for v in values]))) or 1.0
-
-        none = Plant.axis(1.0)
-        return cls(
-            pooled([o.applied(none) for o in observations]),
-            pooled([o.position - o.position.mean() for o in observations]),
-            pooled([o.velocity for o in observations]),
-            pooled([o.acceleration for o in observations]),
-            float(np.mean([o.record.sample_time for o in observations])),
-        )
-
-    def __getitem__(self, unit: str) -> float:
-        t, v = self.torque, self.velocity
-        return {
-            "N m": t,
-            "N m/rad": t / self.position,
-            "N m s/rad": t / v,
-            "N m s^2/rad^2": t / v**2,
-            "N m/s": t * v / self.position,
-            "kg m^2": t / self.acceleration,
-            "rad": 1.0,
-            "rad/s": v,
-            "s": self.sample_time,
-        }.get(unit, 1.0)
-
-
-def solve(misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-5) -> Array:
+def solve(misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4) -> Array:
     """The vector of least squares near `start`.
 
     Levenberg-Marquardt on the normal equations, with the parameters that press against a bound held there: many
@@ -191,3 +162,164 @@ def solve(misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 
         if stalled == 2 or cost == before:
             break
     return x
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What a fit found.
+
+    Attributes:
+        plant: with its parameters, their 95 % intervals and their provenance.
+        error: rms of the torque residual over rms of the torque, pooled over the records.
+        floor: the same from sensor noise alone, for a perfect model.
+        status: one sentence.
+        misfit, vector: the least-squares problem and its solution.
+    """
+
+    plant: Plant
+    error: float
+    floor: float
+    status: str
+    misfit: Misfit
+    vector: Array
+
+
+def observe(records: Sequence[Record], inertia: float | None = None, bandwidth: float | None = None) -> list[Observation]:
+    """The records seen through one band, chosen from their noise unless given [Hz].
+
+    Raises:
+        DataError: there is no record.
+    """
+    if not records:
+        raise DataError("no records to look at; a measurement set needs at least one with use = \"fit\"")
+    bandwidth = bandwidth or choose_bandwidth(records, inertia)
+    return [Observation(r, bandwidth) for r in records]
+
+
+def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:
+    """Rms of the residuals over rms of the torques, records of equal weight."""
+    above = np.mean([np.mean(r**2) for r in residuals])
+    below = np.mean([np.mean(t**2) for t in torques])
+    return float(np.sqrt(above / below)) if below > 0 else float("nan")
+
+
+def baseline(inertia: float | None = None, kind: str = "hinge", elements: int = 8) -> Plant:
+    """The default baseline, not yet identified: inertia, GMS friction with its Stribeck level, viscous drag."""
+    return Plant.axis(inertia, kind) + effects.find("gms")(elements) + effects.find("viscous")()
+
+
+def fit(
+    plant: Plant,
+    records: Sequence[Record],
+    *,
+    fixed: Collection[str] = (),
+    bandwidth: float | None = None,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Identifies the free parameters of a plant.
+
+    Least squares on the difference of applied torque and torque needed along the measured motion, over all
+    records together, in the band that the sensors allow. Parameters that have no value yet are started from the
+    data; the others start where they are.
+
+    Args:
+        plant: with or without values; a known inertia stays as it is.
+        records: the runs to fit, SI units.
+        fixed: names "effect.parameter" to leave as they are.
+        bandwidth: [Hz]; None: chosen from the noise of the records.
+        progress: called with a share in 0..1 and a message.
+
+    Raises:
+        DataError: no records.
+        ModelError: an effect needs a signal that a record lacks.
+    """
+    report = progress or (lambda done, message: None)
+    report(0.0, "looking at the records")
+    observations = observe(records, plant.inertia, bandwidth)
+    found = fit_observations(plant, observations, fixed, report)
+    report(1.0, found.status)
+    return found
+
+
+def fit_observations(
+    plant: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), progress: Progress | None = None
+) -> FitResult:
+    """`fit` on records that are already seen through a band."""
+    report = progress or (lambda done, message: None)
+    best: tuple[float, Plant] | None = None
+    candidates = starts(plant, observations)
+    for i, start in enumerate(candidates):
+        report(0.1 + 0.5 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
+        misfit = Misfit(start, observations, fixed, memory=False)
+        x = solve(misfit, misfit.vector(start), max_steps=10)
+        cost = _cost(misfit.residual(x))
+        if best is None or cost < best[0]:
+            best = cost, misfit.coordinates.decode(x)
+    assert best is not None
+    report(0.5, "refining")
+    misfit = Misfit(best[1], observations, fixed)
+    x = solve(misfit, misfit.settle(misfit.vector(best[1])))
+    return _result(misfit, x)
+
+
+def refit(misfit: Misfit, start: Array, max_steps: int = 40) -> FitResult:
+    """The fit next to a vector that is already close."""
+    return _result(misfit, solve(misfit, start, max_steps))
+
+
+def _result(misfit: Misfit, x: Array) -> FitResult:
+    n = misfit.coordinates.size
+    plant = misfit.coordinates.decode(x[:n])
+    residual, observations = misfit.residual(x), misfit.observations
+    applied = [o.applied(plant) for o in observations]
+    error = relative_error(np.split(residual, misfit.splits), applied)
+    assert plant.inertia is not None
+    noise = estimate_noise([o.record for o in observations], plant.inertia)
+    rng = np.random.default_rng(0)
+    floor = relative_error(
+        [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)], applied
+    )
+    intervals = misfit.coordinates.intervals(x[:n], covariance(misfit, x)[:n, :n])
+    provenance = {
+        "records": [o.record.name for o in observations],
+        "bandwidth": float(observations[0].bandwidth),
+        "error": error,
+        "noise_floor": floor,
+        "version": f"gms_mujoco {__version__}",
+    }
+    plant = replace(plant, uncertainty=intervals, provenance=provenance)
+    status = f"torque error {100 * error:.2f} % of the torque up to {observations[0].bandwidth:.0f} Hz, noise floor {100 * floor:.2f} %"
+    return FitResult(plant, error, floor, status, misfit, x)
+
+
+def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:
+    """Covariance of the vector that stays right when residuals are correlated and the model is not perfect.
+
+    The sandwich estimate (Huber 1967; White 1980) with residuals summed over blocks of time.
+
+    Args:
+        block: length of a block [s].
+    """
+    residual, jacobian = misfit.residual(x), misfit.jacobian(x)
+    scores = block_sums(misfit.observations, jacobian * residual[:, None], block)
+    bread = _pseudo_inverse(jacobian.T @ jacobian)
+    return bread @ (scores.T @ scores) @ bread * len(scores) / max(len(scores) - misfit.coordinates.size, 1)
+
+
+def block_sums(observations: Sequence[Observation], rows: Array, block: float) -> Array:
+    """(blocks, ...) sums of consecutive rows (m, ...), over blocks of time that end with their record [s]."""
+    edges, start = [], 0
+    for o in observations:
+        length = max(int(block / (o.stride * o.record.sample_time)), 1)
+        count = max(len(o.index) // length, 1)
+        edges.append(start + length * np.arange(count))
+        start += len(o.index)
+    return np.add.reduceat(rows, np.concatenate(edges), axis=0)
+
+
+def _pseudo_inverse(a: Array) -> Array:
+    """Inverse of a symmetric matrix, scaled; directions that the data does not see get no spurious certainty."""
+    scale = np.sqrt(np.maximum(np.diag(a), 1e-24 * max(np.diag(a).max(initial=0.0), 1e-200)))
+    value, vector = np.linalg.eigh(a / np.outer(scale, scale))
+    inverse = vector @ np.diag(1 / np.maximum(value, 1e-14)) @ vector.T
+    return inverse / np.outer(scale, scale)

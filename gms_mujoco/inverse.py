@@ -12,7 +12,7 @@ then pass the same zero-phase low-pass, which sets the bandwidth in which model 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +25,7 @@ from .record import Record
 Array = NDArray[np.float64]
 
 
-def _held_mean(u: Array) -> Array:
+def held_mean(u: Array) -> Array:
     """Triangular mean of a torque held from sample to sample: (u[k-1] + u[k]) / 2."""
     out = u.copy()
     out[1:] = 0.5 * (u[1:] + u[:-1])
@@ -85,6 +85,11 @@ class Observation:
         """(m,) [s]."""
         return self.record.time[self.index]
 
+    def again(self, position: Array) -> Observation:
+        """The same observation of another position (n,) [rad]."""
+        signals = {**self.record.signals, "position": position}
+        return replace(self, record=replace(self.record, signals=signals))
+
     def band(self, x: Array) -> Array:
         """(m,) band-limited values of a series of samples (n,)."""
         half, first = self._half, int(self.index[0])
@@ -119,7 +124,7 @@ class Observation:
         torque = self.record.torque
         for effect in plant.effects:
             torque = effect.deliver(self.record.time, torque)
-        return self.band(_held_mean(torque))
+        return self.band(held_mean(torque))
 
     def replay(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque of the effects along the motion [N m].

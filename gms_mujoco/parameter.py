@@ -16,6 +16,7 @@ class Parameter:
         free: whether a fit identifies it unless told otherwise.
         per_element: one value per element of the effect instead of one for the effect.
         share: the values of all elements sum to 1.
+        at_least: name of another parameter of the effect that is a lower bound for this one.
         doc: symbol and meaning.
     """
 
@@ -27,4 +28,5 @@ class Parameter:
     free: bool = True
     per_element: bool = False
     share: bool = False
+    at_least: str = ""
     doc: str = ""

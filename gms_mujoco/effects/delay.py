@@ -30,7 +30,7 @@ class Delay(Effect):
     )
     signature = "The torque error is large where the command changes fast, and looks like its derivative."
     experiment = "Excitation up to high frequency: the phase of torque to acceleration falls in proportion to it."
-    parameters = (Parameter("time", "s", lower=0.0, upper=1.0, doc="T, from command to torque"),)
+    parameters = (Parameter("time", "s", 0.0, lower=0.0, upper=1.0, doc="T, from command to torque"),)
 
     def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean torque over each sample; before the first the command is taken to have been the first one."""

@@ -29,7 +29,7 @@ const gms::Effect gms_effect_stribeck = {
     "The torque error follows the sign of velocity and is largest at the lowest speeds.",
     "Constant-velocity runs at many speeds, the lowest well below the Stribeck velocity, in both directions.",
     {{"coulomb", "N m", 0, 0, gms::kInfinity, false, true, "Fc, level at high velocity"},
-     {"static", "N m", 0, 0, gms::kInfinity, false, true, "Fs, level at zero velocity"},
+     {"static", "N m", 0, 0, gms::kInfinity, false, true, "Fs, level at zero velocity", false, "coulomb"},
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 1.0, 0.1, 4, false, false, "delta, shape of the weakening"}},
     n_state,

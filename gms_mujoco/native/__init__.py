@@ -37,6 +37,7 @@ class _Parameter(ctypes.Structure):
         ("free", ctypes.c_bool),
         ("doc", ctypes.c_char_p),
         ("share", ctypes.c_bool),
+        ("at_least", ctypes.c_char_p),
     )
 
 
@@ -77,7 +78,7 @@ def _load() -> ctypes.CDLL:
         (
             "gms_joint_simulate",
             integer,
-            (pointer, integer, integer, integer, real, real, real) + (pointer,) * 8,
+            (pointer, integer, integer, integer, real, real, real) + (pointer,) * 9,
         ),
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
@@ -110,7 +111,8 @@ def _declaration(index: int) -> Declaration:
     e = library.gms_effect(index).contents
     parameters = tuple(
         Parameter(
-            p.name.decode(), p.unit.decode(), p.fallback, p.lower, p.upper, p.free, p.per_element, p.share, p.doc.decode()
+            p.name.decode(), p.unit.decode(), p.fallback, p.lower, p.upper, p.free, p.per_element, p.share,
+            (p.at_least or b"").decode(), p.doc.decode()
         )
         for p in e.parameters
         if p.name
@@ -249,6 +251,7 @@ class Joint:
         load: Array | None = None,
         temperature: Array | None = None,
         memory: Array | None = None,
+        state: Array | None = None,
         integration: str = "auto",
         states: bool = False,
     ) -> Motion:
@@ -268,6 +271,7 @@ class Joint:
             start: time of the first sample [s].
             load, temperature: (n,) [N m], [degC], optional, held like the torque.
             memory: (n_memory,) state before the first sample, each in [-1, 1] of its level; None: never moved.
+            state: (n_state,) state at the first sample, one of those a replay returns, instead of `memory`.
             integration: "auto", "explicit" or "implicit".
             states: whether to return the states.
 
@@ -282,7 +286,7 @@ class Joint:
         if integration not in INTEGRATION:
             raise ModelError(f"integration must be one of {listing(INTEGRATION)}; {integration!r} given")
         inputs = [
-            None if a is None else np.ascontiguousarray(a, float) for a in (torque, load, temperature, memory)
+            None if a is None else np.ascontiguousarray(a, float) for a in (torque, load, temperature, memory, state)
         ]
         n = len(torque)
         q, v, friction = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)

@@ -46,6 +46,7 @@ struct Parameter {
   bool free;             // identified by default
   const char* doc;
   bool share = false;    // the values of all elements sum to 1; the default is equal shares
+  const char* at_least = nullptr;  // name of an earlier parameter that is a lower bound for this one
 };
 
 struct Effect {

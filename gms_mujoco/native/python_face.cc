@@ -60,11 +60,13 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
 // long for their stiffness). Returns the number of samples done: fewer than n where the motion ran away.
 GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int implicit, double sample_time,
                                double inertia, double start, const double* torque, const double* load,
-                               const double* temperature, const double* memory, double* position,
-                               double* velocity, double* friction, double* states) {
+                               const double* temperature, const double* memory, const double* initial,
+                               double* position, double* velocity, double* friction, double* states) {
   const int n_state = joint->n_state();
   std::vector<double> state(n_state), next(n_state);
-  if (memory) {
+  if (initial) {
+    std::copy(initial, initial + n_state, state.begin());
+  } else if (memory) {
     joint->recall(memory, state.data());
   } else {
     joint->reset(state.data());

@@ -1,0 +1,194 @@
+"""compare: where a plant and measurements disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .coordinates import all_labels
+from .fit import Misfit, observe, relative_error, solve
+from .inverse import Observation
+from .noise import Noise, estimate_noise, floor_residual
+from .plant import Plant
+from .record import Record
+
+Array = NDArray[np.float64]
+
+WINDOW = 0.05  # s, over which a forward simulation is judged
+
+
+@dataclass(frozen=True)
+class RecordComparison:
+    """One record against the plant.
+
+    Attributes:
+        name, use: of the record.
+        torque_error: rms of measured minus needed torque over rms of measured torque.
+        simulation_error: rms of simulated minus measured change of position over windows of `WINDOW`, each started
+            from the measured state, over the rms of that change.
+        noise_floor: the torque error that sensor noise, quantisation and sampling alone leave.
+        time: (m,) [s].
+        position, velocity: (m,) smoothed [rad], [rad/s].
+        measured: (m,) band-limited torque that was applied [N m].
+        needed: (m,) band-limited torque that the plant needs along the measured motion [N m].
+        floor: (m,) residual that sensor noise alone leaves, one draw [N m].
+    """
+
+    name: str
+    use: str
+    torque_error: float
+    simulation_error: float
+    noise_floor: float
+    time: Array
+    position: Array
+    velocity: Array
+    measured: Array
+    needed: Array
+    floor: Array
+
+    @property
+    def residual(self) -> Array:
+        """(m,) measured minus needed torque [N m]."""
+        return self.measured - self.needed
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A plant against records, pooled with equal weights.
+
+    Attributes:
+        plant: what was compared.
+        records: one comparison per record.
+        torque_error, simulation_error, noise_floor: as for one record, pooled.
+        bandwidth: up to which torques are compared [Hz].
+    """
+
+    plant: Plant
+    records: tuple[RecordComparison, ...]
+    torque_error: float
+    simulation_error: float
+    noise_floor: float
+    bandwidth: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `compare --json` writes."""
+        return {
+            "schema": 1,
+            "bandwidth_hz": self.bandwidth,
+            "simulation_window_s": WINDOW,
+            "torque_error": self.torque_error,
+            "simulation_error": self.simulation_error,
+            "noise_floor": self.noise_floor,
+            "records": [
+                {
+                    "name": r.name,
+                    "use": r.use,
+                    "torque_error": r.torque_error,
+                    "simulation_error": r.simulation_error,
+                    "noise_floor": r.noise_floor,
+                }
+                for r in self.records
+            ],
+        }
+
+    def __str__(self) -> str:
+        width = max([len(r.name) for r in self.records] + [6])
+        lines = [
+            f"torque up to {self.bandwidth:.0f} Hz, simulation over {1000 * WINDOW:.0f} ms windows; errors in % of rms",
+            f"{'record':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}",
+        ]
+        rows = [(r.name, r.use, r.torque_error, r.noise_floor, r.simulation_error) for r in self.records]
+        rows.append(("pooled", "", self.torque_error, self.noise_floor, self.simulation_error))
+        for name, use, torque, floor, simulation in rows:
+            lines.append(
+                f"{name:{width}}  {use:8}  {100 * torque:8.2f}  {100 * floor:8.2f}  {100 * simulation:10.2f}"
+            )
+        return "\n".join(lines)
+
+
+def compare(plant: Plant, records: Sequence[Record], *, bandwidth: float | None = None) -> Comparison:
+    """Measured torque against the torque that the plant needs along the measured motion, and forward simulation.
+
+    Only the unknown state of the effects before the first sample is estimated on the records; the plant stays as
+    it is.
+
+    Args:
+        plant: every parameter set.
+        records: SI units.
+        bandwidth: [Hz]; None: that of the plant's fit, or chosen from the noise of the records.
+
+    Raises:
+        ModelError: a parameter has no value.
+        DataError: no records.
+    """
+    plant.complete()
+    bandwidth = bandwidth or plant.provenance.get("bandwidth")
+    return compare_observations(plant, observe(records, plant.inertia, bandwidth))
+
+
+def compare_observations(plant: Plant, observations: Sequence[Observation], noise: Noise | None = None) -> Comparison:
+    """`compare` on records that are already seen through a band."""
+    assert plant.inertia is not None
+    noise = noise or estimate_noise([o.record for o in observations], plant.inertia)
+    rng = np.random.default_rng(0)
+    rows = [_compare_one(plant, o, noise, rng) for o in observations]
+    measured = [r.measured for r in rows]
+    return Comparison(
+        plant,
+        tuple(rows),
+        relative_error([r.residual for r in rows], measured),
+        float(np.sqrt(np.mean([r.simulation_error**2 for r in rows]))),
+        relative_error([r.floor for r in rows], measured),
+        observations[0].bandwidth,
+    )
+
+
+def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Generator) -> RecordComparison:
+    misfit = Misfit(plant, [o], fixed=all_labels(plant))
+    memory = solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.size else None
+    measured, needed = o.applied(plant), o.needed(plant, memory)
+    floor = floor_residual(o, plant, memory, noise, rng)
+    return RecordComparison(
+        o.record.name,
+        o.record.use,
+        relative_error([measured - needed], [measured]),
+        _simulation_error(plant, o, memory),
+        relative_error([floor], [measured]),
+        o.time,
+        o.position[o.index],
+        o.velocity[o.index],
+        measured,
+        needed,
+        floor,
+    )
+
+
+def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
+    r = o.record
+    assert plant.inertia is not None
+    torque = r.torque
+    for effect in plant.effects:
+        torque = effect.deliver(r.time, torque)
+    joint = plant.joint()
+    signals = {k: r.get(k) for k in ("load", "temperature")}
+    states = joint.replay(r.time, o.position, o.velocity, memory=memory, states=True, **signals).states
+    assert states is not None
+    length = max(int(round(WINDOW / r.sample_time)), 2)
+    wrong, moved = [], []
+    for a in range(int(o.index[0]), len(r) - length, length):
+        here = slice(a, a + length + 1)
+        part = {k: v[here] if v is not None else None for k, v in signals.items()}
+        motion = joint.simulate(
+            plant.inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), 4,
+            start=float(r.time[a]), state=states[a], **part,
+        )
+        simulated = motion.position[-1] - motion.position[0]
+        measured = o.position[a + length] - o.position[a]
+        wrong.append(simulated - measured)
+        moved.append(measured)
+    below = float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
+    return float(np.sqrt(np.mean(np.square(wrong)))) / below if below > 0 else float("nan")

@@ -1,0 +1,131 @@
+"""What the sensors alone do to the torque error: noise estimated from records, and the floor that it sets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, signal
+
+from .inverse import Observation, held_mean, second_difference
+from .plant import Plant
+from .record import Record
+
+Array = NDArray[np.float64]
+
+_QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
+_FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
+_NEGLIGIBLE = 0.01  # of the torque
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of white noise on the samples of a record.
+
+    Attributes:
+        torque: [N m].
+        position: [rad], quantisation included.
+        resolution: position of one encoder count [rad]; 0 where the record shows none.
+    """
+
+    torque: float
+    position: float
+    resolution: float
+
+
+def count_size(record: Record) -> float:
+    """Position of one encoder count: declared, or read off as the common step of the positions; 0 if none."""
+    if record.resolution:
+        return record.resolution
+    steps = np.abs(np.diff(np.unique(record.position)))
+    steps = steps[steps > 1e-12 * max(np.ptp(record.position), 1e-300)]
+    if not len(steps):
+        return 0.0
+    smallest = float(np.min(steps))
+    off = np.abs(record.position / smallest - np.round(record.position / smallest))
+    return smallest if np.mean(off < 0.1) > 0.9 else 0.0
+
+
+def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
+    """Noise of the sensors that all records share.
+
+    It is read from the part of the spectrum of u - J q'' that the motion hardly reaches, where noise on the torque
+    and noise on the position have known shapes: flat, and rising with the fourth power of frequency. Friction only
+    adds to that spectrum, so the quietest record says what the torque noise is; a median over segments keeps
+    single events (reversals, impacts) out of each.
+    """
+    each = [_white_noise(r, inertia) for r in records]
+    count = float(np.median([count_size(r) for r in records]))
+    torque, position = float(min(t for t, _ in each)), float(np.median([q for _, q in each]))
+    return Noise(torque, max(position, count / np.sqrt(12)), count)
+
+
+def _white_noise(record: Record, inertia: float) -> tuple[float, float]:
+    """Standard deviations of torque [N m] and position [rad]."""
+    h = record.sample_time
+    error = (held_mean(record.torque) - inertia * second_difference(record.position, h))[1:-1]
+    f, density = signal.welch(error, 1 / h, nperseg=min(1024, len(error) // 4), average="median", detrend="linear")
+    use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
+    density = signal.medfilt(density, 9)[use]
+    half = np.pi * f[use] * h
+    shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
+    variance = np.zeros(2)
+    weight = 1 / np.maximum(density, 1e-300)
+    for _ in range(5):  # relative error at every frequency, so that the loud end does not rule
+        scale = np.maximum((shapes * weight[:, None]).max(0), 1e-300)
+        variance = optimize.nnls(shapes * weight[:, None] / scale, density * weight)[0] / scale
+        weight = 1 / np.maximum(shapes @ variance, 1e-300)
+    return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))
+
+
+def rough_inertia(records: Sequence[Record]) -> float:
+    """Inertia from torque against acceleration, direction and velocity; enough to scale noise by."""
+    tops, sides = [], []
+    for r in records:
+        o = Observation(r, 1 / (20 * r.sample_time))
+        v = o.velocity[o.index]
+        tops.append(np.stack([o.acceleration, np.sign(v), v, np.ones_like(v)], 1))
+        sides.append(o.applied(Plant.axis(1.0)))
+    a, y = np.concatenate(tops), np.concatenate(sides)
+    scale = np.maximum(np.sqrt(np.mean(a**2, 0)), 1e-300)
+    value = float((np.linalg.lstsq(a / scale, y, rcond=None)[0] / scale)[0])
+    return value if value > 0 else float(np.std(y) / scale[0])
+
+
+def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) -> float:
+    """Bandwidth [Hz] up to which the position still says what the acceleration is.
+
+    It ends where the noise of the position, differentiated twice, would add more to the torque error than the
+    noise of the torque itself or 1 % of the torque, and at the latest at a tenth of the sampling rate.
+    """
+    inertia = inertia or rough_inertia(records)
+    noise = estimate_noise(records, inertia)
+    h = max(r.sample_time for r in records)
+    f = np.geomspace(1 / (400 * h), 1 / (_FEWEST_SAMPLES * h), 60)
+    # Integral of (2 sin(pi f h))^4 from 0 to f, for small f h.
+    added = 2 * h * (inertia * noise.position * (2 * np.pi) ** 2) ** 2 * f**5 / 5
+    rms = np.mean([np.mean(r.torque**2) for r in records])
+    fine = np.flatnonzero(added <= np.maximum(2 * h * noise.torque**2 * f, _NEGLIGIBLE**2 * rms))
+    return float(f[fine[-1]] if len(fine) else f[0])
+
+
+def floor_residual(
+    observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
+) -> Array:
+    """(m,) residual that `plant` itself would leave on a record like this one, from the sensors alone [N m].
+
+    The smoothed motion is taken as true, read again through a noisy, quantising encoder, and passed through the
+    same inverse dynamics.
+    """
+    r = observation.record
+    true = observation.position
+    extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0))
+    read = true + extra * rng.standard_normal(len(true))
+    if noise.resolution:
+        read = np.round(read / noise.resolution) * noise.resolution
+    seen = observation.again(true)
+    measured = observation.again(read)
+    torque = held_mean(noise.torque * rng.standard_normal(len(r)))
+    return observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))

@@ -1,0 +1,89 @@
+"""simulate: a record of an axis, from the same effects that run in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DataError
+from .plant import Plant
+from .record import Record
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    plant: Plant,
+    torque: Array,
+    sample_time: float,
+    *,
+    position: float = 0.0,
+    velocity: float = 0.0,
+    substeps: int = 4,
+    resolution: float | None = None,
+    torque_noise: float = 0.0,
+    position_noise: float = 0.0,
+    seed: int | None = None,
+    load: Array | None = None,
+    temperature: Array | None = None,
+    name: str = "simulated",
+    use: str = "fit",
+) -> Record:
+    """Runs the axis under a torque command and returns what a bench would log.
+
+    Args:
+        plant: every parameter set.
+        torque: (n,) command, held from each sample to the next [N m].
+        sample_time: [s].
+        position, velocity: at the first sample [rad], [rad/s].
+        substeps: time steps per sample.
+        resolution: position of one encoder count [rad]; None: not quantised.
+        torque_noise, position_noise: standard deviations of white noise on what is logged [N m], [rad].
+        seed: of the noise.
+        load, temperature: (n,) held like the torque [N m], [degC].
+        name, use: of the record.
+
+    Raises:
+        ModelError: a parameter has no value.
+        DataError: the motion runs away.
+    """
+    plant.complete()
+    assert plant.inertia is not None
+    command = np.asarray(torque, float)
+    time = sample_time * np.arange(len(command))
+    delivered = command
+    for effect in plant.effects:
+        delivered = effect.deliver(time, delivered)
+    motion = plant.joint().simulate(
+        plant.inertia, sample_time, delivered, position, velocity, substeps, load=load, temperature=temperature
+    )
+    if not np.isfinite(motion.position).all():
+        raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
+    rng = np.random.default_rng(seed)
+    read = motion.position + position_noise * rng.standard_normal(len(time))
+    if resolution:
+        read = np.round(read / resolution) * resolution
+    signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
+    signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
+    return Record(name, time, signals, use, resolution)
+
+
+def multisine(
+    n: int, sample_time: float, low: float, high: float, rms: float, rng: np.random.Generator, lines: int = 120
+) -> Array:
+    """(n,) periodic random-phase multisine with a flat spectrum [N m].
+
+    Args:
+        n: samples; the period is the whole of it.
+        low, high: first and last frequency [Hz].
+        rms: of the signal [N m].
+        lines: at most so many frequencies, spread evenly in logarithm.
+    """
+    step = 1 / (n * sample_time)
+    numbers = np.unique(np.geomspace(max(low / step, 1), high / step, lines).astype(int))
+    spectrum = np.zeros(n // 2 + 1, complex)
+    spectrum[numbers] = np.exp(2j * math.pi * rng.random(len(numbers)))
+    signal = np.fft.irfft(spectrum, n)
+    return signal * rms / np.sqrt(np.mean(signal**2))

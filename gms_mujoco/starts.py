@@ -1,0 +1,121 @@
+"""Where a fit starts: values for parameters that have none yet, from the data alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from . import effects
+from .effect import Effect
+from .errors import ModelError
+from .inverse import Observation
+from .plant import Plant
+from .scales import Scales
+
+Array = NDArray[np.float64]
+
+_GRID = 20  # break-away distances tried
+_STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
+
+
+def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
+    """Plants like `plant` with every parameter set, to start a fit from; more than one where it may matter.
+
+    Raises:
+        ModelError: a parameter has no value, is not identified by a fit, and cannot be guessed.
+    """
+    scales = Scales.of(observations)
+    rest = [_typical(e, scales) for e in plant.effects if not (e.name == "gms" and e.unset)]
+    if "gms" not in plant or not plant["gms"].unset:
+        inertia = scales["kg m^2"] if plant.inertia is None else plant.inertia
+        first = replace(plant, inertia=inertia, effects=tuple(rest))
+        return [replace(first, inertia=_maxwell_slip(first, (), observations)[0])] if plant.inertia is None else [first]
+
+    gms = plant["gms"]
+    span = max(float(np.ptp(o.position)) for o in observations)
+    finest = 3 * min(o.record.resolution or 0.0 for o in observations)
+    distances = np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), 0.3 * span, _GRID)
+    others = replace(plant, effects=tuple(rest))
+    inertia, viscous, levels = _maxwell_slip(others, distances, observations)
+    if "viscous" in others and not plant["viscous"].coefficient:
+        rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
+    stiffness, share, level = _grouped(distances, levels, gms.elements)
+    out = []
+    for factor in _STRIBECK_VELOCITIES:
+        started = _with(
+            gms, stiffness=stiffness, fraction=share, coulomb=level, static=1.05 * level,
+            stribeck_velocity=factor * scales["rad/s"], attraction=0.1 * level / scales["s"],
+        )
+        by_name = {e.name: e for e in (*rest, started)}
+        out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
+    return out
+
+
+def _typical(effect: Effect, scales: Scales) -> Effect:
+    values = {}
+    for p in effect.parameters:
+        if p.name in effect.unset:
+            if not p.free:
+                raise ModelError(f"{effect.name}.{p.name} has no value, and a fit cannot find it; give it")
+            guess = scales[p.unit]
+            values[p.name] = (guess,) * effect.elements if p.per_element else guess
+    return effect.replace(**values) if values else effect
+
+
+def _with(effect: Effect, **values: object) -> Effect:
+    """`effect` with those parameters set that have no value yet."""
+    return effect.replace(**{k: v for k, v in values.items() if k in effect.unset})
+
+
+def _maxwell_slip(
+    plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Observation]
+) -> tuple[float, float, Array]:
+    """Inertia, viscous coefficient and the level of one slipping spring per break-away distance.
+
+    A Maxwell-slip set on preset break-away distances is linear in its levels, so non-negative least squares finds
+    the global optimum.
+    """
+    springs = [
+        effects.find("gms")(stiffness=[1 / x], fraction=[1], coulomb=1, static=1, stribeck_velocity=1, attraction=1)
+        for x in distances
+    ]
+    units = [*springs, effects.find("viscous")(coefficient=1.0)]
+    columns = [np.concatenate([-o.replay(Plant.axis(1.0) + e) for o in observations]) for e in units]
+    applied = np.concatenate([o.applied(plant) for o in observations])
+    inertial = np.concatenate([o.acceleration for o in observations])
+    known = np.concatenate([o.replay(plant) for o in observations])
+    if plant.inertia is None or not plant.inertia_known:
+        columns.append(inertial)
+        target = applied + known
+    else:
+        target = applied + known - plant.inertia * inertial
+    matrix = np.stack(columns, 1)
+    scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
+    solution = optimize.nnls(matrix / scale, target)[0] / scale
+    n = len(springs)
+    inertia = plant.inertia if plant.inertia is not None and plant.inertia_known else float(solution[n + 1])
+    if inertia <= 0:
+        inertia = 1e-3 * float(np.std(target) / np.std(inertial))
+    return inertia, float(solution[n]), solution[:n]
+
+
+def _grouped(distances: Array, levels: Array, n: int) -> tuple[Array, Array, float]:
+    """Stiffness, share and total level of n elements that stand for the springs on the grid."""
+    total = float(levels.sum())
+    if total <= 0:
+        total, levels = 1e-12, np.full(len(distances), 1e-12 / len(distances))
+    middle = (np.cumsum(levels) - levels / 2) / total
+    group = np.minimum((middle * n).astype(int), n - 1)
+    level = np.array([levels[group == i].sum() for i in range(n)])
+    stiffness = np.array([(levels / distances)[group == i].sum() for i in range(n)])
+    empty = level <= 0
+    # Elements that the data leaves without work start small, between the others, where a fit can grow them.
+    level[empty] = 1e-3 * total
+    stiffness[empty] = level[empty] / np.interp(
+        (np.flatnonzero(empty) + 0.5) / n, np.sort(middle), distances[np.argsort(middle)]
+    )
+    return stiffness, level / level.sum(), total
