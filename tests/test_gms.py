@@ -1,0 +1,107 @@
+"""What a Maxwell-slip friction must show, each as a property with a figure."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gms_mujoco import effects
+from gms_mujoco.plant import Plant
+
+FC, FS, VS = 4.5e-3, 5.4e-3, 0.8
+STIFFNESS, FRACTION = [0.8, 0.4, 0.2, 0.1], [0.1, 0.2, 0.3, 0.4]
+
+
+def friction(static=FS, attraction=0.3, **other):
+    """Friction on the moving side, positive along the motion, as a function of (time, position)."""
+    law = effects.GMS(
+        stiffness=STIFFNESS, fraction=FRACTION, coulomb=FC, static=static, stribeck_velocity=VS,
+        attraction=attraction, **other,
+    )
+    joint = (Plant.axis() + law).joint()
+
+    def follow(q, dt=1e-3):
+        t = np.arange(len(q)) * dt
+        r = joint.replay(t, q, np.gradient(q, dt), states=True)
+        return -r.torque, r.states[:, 2::2]
+
+    return follow
+
+
+def path(*turns, step=1e-4):
+    """Position that runs straight from turn to turn."""
+    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in zip(turns, turns[1:], strict=False)]
+    return np.concatenate([[turns[0]], *legs])
+
+
+def test_closed_minor_loops_return_to_the_same_point():
+    """Non-local memory: after any minor loop the outer branch goes on as if the loop had not been."""
+    follow = friction(static=FC, attraction=1e6)
+    plain, _ = follow(path(0, 0.02))
+    q = path(0, 0.008, 0.005, 0.0065, 0.0055, 0.0065, 0.005, 0.008, 0.02)
+    looped, _ = follow(q)
+    tail = round(0.012 / 1e-4)
+    assert np.abs(looped[-tail:] - plain[-tail:]).max() < 1e-12 * FC
+
+
+def test_masings_rule():
+    """The branch after a reversal is the virgin curve, twice as large in both directions."""
+    follow = friction(static=FC, attraction=1e6)
+    virgin, _ = follow(path(0, 0.03))
+    back, _ = follow(path(0, 0.03, -0.03))
+    n = len(virgin)
+    drop = virgin[-1] - back[n - 1 :]
+    assert np.allclose(drop[: 2 * n - 1 : 2], 2 * virgin[: len(drop[: 2 * n - 1 : 2])], atol=1e-9 * FC)
+
+
+@pytest.mark.parametrize("speed", [0.01, 0.1, 0.5, 1.0, 3.0, -0.3])
+def test_steady_speed_is_on_the_stribeck_curve(speed):
+    dt = 1e-3
+    seconds = max(2.0, 0.05 / abs(speed))  # past every break-away distance
+    force, _ = friction()(speed * np.arange(int(seconds / dt)) * dt, dt)
+    curve = np.sign(speed) * (FC + (FS - FC) * np.exp(-abs(speed / VS)))
+    assert force[-1] == pytest.approx(curve, rel=5e-4)
+
+
+def test_friction_lags_velocity():
+    """Lower while decelerating than while accelerating would need no memory: here the force follows late."""
+    dt = 1e-4
+    t = np.arange(0, 1, dt)
+    v = 1.0 + 0.9 * np.sin(2 * np.pi * 20 * t)
+    force, _ = friction(attraction=0.1)(np.cumsum(v) * dt, dt)
+    up, down = (np.gradient(v) > 0) & (t > 0.5), (np.gradient(v) < 0) & (t > 0.5)
+    speed = 1.0
+    at = [np.interp(speed, *(x[np.argsort(v[m])] for x in (v[m], force[m]))) for m in (up, down)]
+    assert at[0] - at[1] > 0.02 * (FS - FC)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-0.1, 0.1), min_size=2, max_size=12), st.floats(1e-4, 0.3))
+def test_every_element_stays_within_its_level(turns, step):
+    _, forces = friction()(path(0.0, *turns, step=step))
+    assert (np.abs(forces) <= np.array(FRACTION) * FS * (1 + 1e-12)).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=12), st.integers(0, 2**31))
+def test_no_net_work_over_a_closed_cycle(turns, seed):
+    """Passive: a periodic motion, once periodic in force too, takes energy and never gives any."""
+    rng = np.random.default_rng(seed)
+    cycle = path(0.0, *turns, 0.0, step=1e-3)
+    cycle = cycle + np.concatenate([[0], rng.normal(size=max(len(cycle) - 2, 0)) * 1e-4, [0]][: len(cycle)])
+    q = np.concatenate([cycle, cycle[1:], cycle[1:]])
+    force, _ = friction()(q)
+    work = force[1:] * np.diff(q)  # the force at the end of a step is the larger while a spring is wound up
+    trapezoid = 0.5 * (force[1:] + force[:-1]) * np.diff(q)
+    last = slice(-(len(cycle) - 1), None)
+    assert work[last].sum() >= -1e-15
+    assert trapezoid[last].sum() >= -1e-6 * FS * max(np.abs(np.diff(q)).sum(), 1e-12)
+
+
+def test_break_away_depends_on_the_rate():
+    """A faster rise of force breaks away at a lower force: s(v) has less time to act at rest."""
+    peak = []
+    for speed in (0.001, 0.1, 2.0):
+        force, _ = friction()(path(0, 0.3, step=speed * 1e-3))
+        peak.append(force.max())
+    assert peak[0] > peak[1] > peak[2]

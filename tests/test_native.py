@@ -1,0 +1,134 @@
+"""Replay and simulation of one axis in the native library."""
+
+import numpy as np
+import pytest
+
+from gms_mujoco import effects
+from gms_mujoco.errors import ModelError
+from gms_mujoco.plant import Plant
+
+J = 2.4e-5
+FC, FS = 4.5e-3, 5.4e-3
+
+
+def gms(total_stiffness=1.5, static=FS):
+    k = np.array([8.0, 4.0, 2.0, 1.0])
+    return effects.GMS(
+        stiffness=k * total_stiffness / k.sum(), fraction=[0.1, 0.2, 0.3, 0.4], coulomb=FC, static=static,
+        stribeck_velocity=0.8, attraction=0.3,
+    )
+
+
+def test_replay_starts_from_the_memory_given():
+    joint = (Plant.axis(J) + gms()).joint()
+    still = np.zeros(3)
+    torque = joint.replay(np.arange(3) * 1e-3, still, still, memory=np.array([1.0, 1.0, -1.0, 0.0])).torque
+    assert np.allclose(torque, -FC * (0.1 + 0.2 - 0.3))
+
+
+def test_replay_does_not_depend_on_where_time_or_position_begins():
+    joint = (Plant.axis(J) + gms()).joint()
+    t = np.arange(1000) * 1e-3
+    q = 0.05 * np.sin(9 * t)
+    v = np.gradient(q, t)
+    assert np.allclose(joint.replay(t, q, v).torque, joint.replay(t + 8, q + 4, v).torque, atol=1e-12)
+
+
+def test_axis_without_effects_is_double_integration():
+    h, torque = 1e-3, np.full(500, 2e-3)
+    motion = Plant.axis(J).joint().simulate(J, h, torque, position=0.1, velocity=-3.0)
+    k = np.arange(500)
+    assert np.allclose(motion.velocity, -3 + torque[0] / J * h * k)
+    assert np.allclose(motion.position, 0.1 - 3 * h * k + torque[0] / J * h**2 * k * (k + 1) / 2)
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_simulation_converges_with_the_first_order_claimed(integration):
+    joint = (Plant.axis(J) + gms() + effects.Viscous(coefficient=2e-5)).joint()
+    t = np.arange(400) * 1e-3
+    torque = 9e-3 * np.sin(2 * np.pi * 5 * t)
+    fine = joint.simulate(J, 1e-3, torque, substeps=4096, integration="explicit").position
+    error = [
+        np.abs(joint.simulate(J, 1e-3, torque, substeps=n, integration=integration).position - fine).max()
+        for n in (4, 8, 16, 32)
+    ]
+    order = np.log2(np.divide(error[:-1], error[1:]))
+    assert (order > 0.8).all() and error[-1] < 2e-3 * np.ptp(fine), (order, error)
+
+
+def test_simulation_agrees_with_a_reference_to_a_thousandth_of_the_range():
+    joint = (Plant.axis(J) + gms()).joint()
+    t = np.arange(1000) * 5e-4
+    torque = 0.8 * FS * np.sin(2 * np.pi * 3 * t)
+    fine = joint.simulate(J, 5e-4, torque, substeps=1000, integration="explicit").position
+    plain = joint.simulate(J, 5e-4, torque, substeps=20).position
+    assert np.abs(plain - fine).max() < 1e-3 * np.ptp(fine)
+
+
+@pytest.mark.parametrize("law", [effects.Coulomb(coulomb=4e-3), effects.Stribeck(
+    coulomb=3e-3, static=4e-3, stribeck_velocity=0.1)])
+@pytest.mark.parametrize("h", [1e-4, 5e-4, 5e-3])
+def test_static_law_holds_without_creep(law, h):
+    t = np.arange(int(2 / h)) * h
+    load = 1.7e-3 + 1.2e-3 * np.sin(2 * np.pi * 5 * t)
+    motion = (Plant.axis(J) + law).joint().simulate(J, h, load)
+    assert np.abs(motion.position).max() < 1e-15
+    assert np.allclose(motion.friction, -load, atol=1e-12)
+
+
+def test_static_law_sticks_slips_and_stops():
+    h = 5e-4
+    torque = np.concatenate([np.full(200, 3e-3), np.full(200, 6e-3), np.zeros(600)])
+    motion = (Plant.axis(J) + effects.Coulomb(coulomb=4e-3)).joint().simulate(J, h, torque)
+    assert np.abs(motion.position[:200]).max() < 1e-15
+    assert motion.velocity[400] == pytest.approx(2e-3 / J * 0.1, rel=1e-9)
+    assert motion.velocity[400:].min() > -1e-12 and abs(motion.velocity[-1]) < 1e-12
+    assert motion.position[-1] == pytest.approx(0.5 * 2e-3 / J * 0.1**2 * 1.5, rel=0.02)
+
+
+def test_500_hz_joint_runs_at_2_ms():
+    """Error in pre-sliding, against a 1 us reference, in parts of the travel from full slip to full slip."""
+    stiffness = J * (2 * np.pi * 500) ** 2
+    joint = (Plant.axis(J) + gms(stiffness)).joint()
+    t = np.arange(500) * 2e-3
+    torque = 0.6 * FS * np.sin(2 * np.pi * 3 * t)
+    reference = joint.simulate(J, 2e-3, torque, substeps=2000, integration="explicit").position
+    travel = 2 * 0.4 * FS / (stiffness / 15)
+    assert np.abs(joint.simulate(J, 2e-3, torque).position - reference).max() < 0.02 * travel
+    explicit = joint.simulate(J, 2e-3, torque, integration="explicit").position
+    assert np.abs(explicit - reference).max() > travel, "the explicit step is unstable here"
+
+
+@pytest.mark.parametrize("wh", [3.0, 10.0, 30.0, 100.0])
+@pytest.mark.parametrize("amplitude", [0.7, 1.5])
+def test_stiff_joint_stays_bounded_without_chatter(wh, amplitude):
+    h = 2e-3
+    joint = (Plant.axis(J) + gms(J * (wh / h) ** 2)).joint()
+    torque = amplitude * FS * np.sin(2 * np.pi * 3 * np.arange(1000) * h)
+    motion = joint.simulate(J, h, torque)
+    assert np.abs(motion.friction).max() <= FS
+    if amplitude < 1:  # held all along: friction mirrors the load
+        assert np.abs(motion.friction + torque).max() < 0.02 * FS
+    else:
+        v = motion.velocity
+        reversals = np.count_nonzero(np.diff(np.sign(v[np.abs(v) > 0.05 * np.abs(v).max()])))
+        assert reversals <= 2 * 6 + 1
+
+
+def test_a_runaway_is_reported_as_nan():
+    joint = (Plant.axis(J) + effects.Viscous(coefficient=1.0)).joint()
+    motion = joint.simulate(J, 1e-3, np.ones(5000), integration="explicit")
+    assert np.isnan(motion.position[-1]) and np.isfinite(motion.position[0])
+    assert np.isfinite(joint.simulate(J, 1e-3, np.ones(5000)).position).all(), "auto takes the implicit step"
+
+
+@pytest.mark.parametrize("wrong", [{"inertia": 0.0}, {"sample_time": -1.0}, {"substeps": 0}])
+def test_refuses_impossible_axes(wrong):
+    arguments = {"inertia": J, "sample_time": 1e-3, "torque": np.zeros(3)} | wrong
+    with pytest.raises(ModelError, match="must be positive"):
+        (Plant.axis(J) + gms()).joint().simulate(**arguments)
+
+
+def test_refuses_an_unknown_integration():
+    with pytest.raises(ModelError, match="auto, explicit, implicit"):
+        Plant.axis(J).joint().simulate(J, 1e-3, np.zeros(3), integration="magic")
