@@ -14,13 +14,18 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from . import __version__, effects, files
+from . import effects, files
 from .dataset import Dataset, load
 from .errors import GmsError, ModelError
 from .plant import Plant
 from .progress import Bar
+from .record import USES
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .compare import Comparison
 
 PROGRAM = "gms-mujoco"
 
@@ -122,49 +127,54 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(options: argparse.Namespace) -> None:
-    from . import demo
+    from .demo import run
 
     folder = files.make_folder(options.output)
     with Bar() as bar:
-        result = demo.run(folder, options.seed, progress=bar)
+        result = run(folder, options.seed, progress=bar)
         _write_diagnosis(folder, result.diagnosis)
     print(result)
     _say_results(folder)
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from . import compare, fit
+    from .compare import compare
+    from .fit import baseline, fit
 
     output = files.expect_writable(options.output)
     runs = _load(options.dataset)
-    plant = fit.baseline(runs.inertia, runs.kind)
+    plant = baseline(runs.inertia, runs.kind)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
     with Bar() as bar:
-        result = fit.fit(plant, runs.fit, progress=bar)
+        result = fit(plant, runs.fit, progress=bar)
     result.plant.save(output)
     print(result.status)
     if runs.validate:
-        print(f"validate error {compare.compare(result.plant, runs.validate).torque_error:.4f}")
+        print(f"validate error {compare(result.plant, runs.validate).torque_error:.4f}")
     print(_parameters(result.plant))
     print(f"wrote {output}")
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from . import compare
+    from .compare import compare
 
     output = files.expect_writable(options.json) if options.json else None
     plant = Plant.load(options.model).complete()
     runs = _load(options.dataset)
     _expect_kind(plant, runs, options.model)
-    scores = compare.compare(plant, runs.records)
+    scores = compare(plant, runs.records)
+    by_use = _by_use(scores)
     if output:
-        files.write_text(output, as_json(scores.to_dict()))
+        files.write_text(output, as_json({**scores.to_dict(), "by_use": by_use}))
     print(scores)
+    for use, pooled in by_use.items():
+        print(f"{use}: torque error {100 * pooled['torque_error']:.2f} %, "
+              f"noise floor {100 * pooled['noise_floor']:.2f} %")
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from . import diagnose
+    from .diagnose import run
 
     extra = files.expect_writable(options.json) if options.json else None
     plant = Plant.load(options.model) if options.model else None
@@ -173,7 +183,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         _expect_kind(plant, runs, options.model)
     folder = files.make_folder(options.output)
     with Bar() as bar:
-        result = diagnose.run(runs, plant, progress=bar)
+        result = run(runs, plant, progress=bar)
         _write_diagnosis(folder, result)
     if extra:
         files.write_text(extra, as_json(result.to_dict()))
@@ -182,23 +192,26 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _attach(options: argparse.Namespace) -> None:
-    from . import engine
+    from .engine import attach
 
     output = files.expect_writable(options.output)
     plant = Plant.load(options.model).complete()
-    spec = engine.attach(options.robot, {name: plant for name in options.joint})
+    spec = attach(options.robot, {name: plant for name in options.joint})
     _keep_assets(spec, Path(options.robot), output)
-    spec.compile()
-    files.write_text(output, spec.to_xml())
+    try:
+        text = spec.to_xml()
+    except ValueError as error:  # the model does not compile
+        raise ModelError(f"{options.robot}: {error}") from None
+    files.write_text(output, text)
     print(f"wrote {output}: {', '.join(e.name for e in plant.effects)} on {', '.join(options.joint)}")
     print("load it after `import gms_mujoco`, which registers the plug-in with MuJoCo")
 
 
 def _view(options: argparse.Namespace) -> None:
-    from . import view
+    from .view import open_recording
 
     picture = files.expect_writable(options.screenshot) if options.screenshot else None
-    view.open_recording(options.path, picture)
+    open_recording(options.path, picture)
     if picture:
         print(f"wrote {picture}")
 
@@ -217,6 +230,7 @@ def _keep_assets(spec: Any, source: Path, output: Path) -> None:
     """Lets a model that is saved in another folder find its meshes and textures where they are."""
     here, there = output.resolve().parent, source.resolve().parent
     if here != there:
+        spec.modelfiledir = str(here)
         for key in ("meshdir", "texturedir"):
             setattr(spec.compiler, key, Path(os.path.relpath(there / getattr(spec.compiler, key), here)).as_posix())
 
@@ -231,6 +245,23 @@ def _chosen(baseline: Plant, names: str) -> Plant:
     return plant
 
 
+def _by_use(scores: Comparison) -> dict[str, dict[str, float]]:
+    """Errors pooled over the records of each use."""
+    from .fit import relative_error
+
+    found = {}
+    for use in USES:
+        rows = [r for r in scores.records if r.use == use]
+        if rows:
+            measured = [r.measured for r in rows]
+            found[use] = {
+                "torque_error": relative_error([r.residual for r in rows], measured),
+                "noise_floor": relative_error([r.floor for r in rows], measured),
+                "simulation_error": math.sqrt(sum(r.simulation_error**2 for r in rows) / len(rows)),
+            }
+    return found
+
+
 def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
     if plant.kind != runs.kind:
         raise ModelError(f"{file}: the plant is a {plant.kind} joint, the measurement set is of a {runs.kind} joint")
@@ -238,13 +269,14 @@ def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
 
 def _write_diagnosis(folder: Path, diagnosis: Any) -> None:
     """The five files of a diagnosis, those that other programs read first."""
-    from . import report, view
+    from .report import render
+    from .view import write_recording
 
     files.write_text(folder / "diagnosis.json", as_json(diagnosis.to_dict()))
     diagnosis.baseline.save(folder / "baseline.toml")
     diagnosis.plant.save(folder / "model.toml")
-    files.write_text(folder / "report.html", report.render(diagnosis))
-    view.write_recording(folder / "recording.rrd", diagnosis)
+    files.write_text(folder / "report.html", render(diagnosis))
+    write_recording(folder / "recording.rrd", diagnosis)
 
 
 def _say_results(folder: Path) -> None:

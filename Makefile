@@ -1,0 +1,23 @@
+# Developer shortcuts; the README's two commands need none of them.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: build test lint types check clean
+
+build:  ## virtual environment with the package as it stands in this tree
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install -q '.[dev]'
+
+test:
+	$(BIN)/pytest
+
+lint:
+	$(BIN)/ruff check .
+
+types:
+	$(BIN)/mypy --python-executable $(BIN)/python
+
+check: build lint types test
+
+clean:
+	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache gms_mujoco/native/*.so

@@ -1,0 +1,208 @@
+"""The command line: what it writes is whole, and a user's mistake is one line and exit code 2."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from gms_mujoco import cli
+from gms_mujoco.plant import Plant
+from gms_mujoco.progress import Bar
+
+ROBOT = """<mujoco><worldbody><body>
+  <joint name="elbow" axis="0 1 0"/><geom size="0.1"/>
+  <body><joint name="wrist" axis="0 1 0"/><geom size="0.1"/>
+    <body><joint name="ball" type="ball"/><geom size="0.1"/></body>
+  </body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """A plant on file."""
+    text = "[axis]\ninertia = 2.4e-5\n[effects.coulomb]\ncoulomb = 4e-3\n[effects.viscous]\ncoefficient = 2e-5\n"
+    (tmp_path / "model.toml").write_text(text)
+    return tmp_path / "model.toml"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    (tmp_path / "robot.xml").write_text(ROBOT)
+    return tmp_path / "robot.xml"
+
+
+def refuses(capsys: pytest.CaptureFixture[str], *words: str, argv: list[object]) -> None:
+    """The command ends with exit code 2 and one line on stderr that has all the words."""
+    assert cli.main([str(a) for a in argv]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    said = [s for s in lines if s.startswith("gms-mujoco: ")]
+    assert len(said) == 1 and "Traceback" not in "".join(lines), lines
+    for word in words:
+        assert word in said[0], said[0]
+
+
+# What it does.
+
+
+def test_fit_then_compare(small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, scores = tmp_path / "model.toml", tmp_path / "scores.json"
+    assert cli.main(["fit", str(small_set), "--effects", "coulomb, viscous", "-o", str(model)]) == 0
+    printed = capsys.readouterr()
+    assert "coulomb.coulomb" in printed.out and "1 to fit, 1 to validate" in printed.err
+    plant = Plant.load(model)
+    assert plant["coulomb"].coulomb == pytest.approx(4e-3, rel=0.05)
+    assert "coulomb.coulomb" in plant.uncertainty and "fit.csv" in plant.provenance["records"]
+    assert cli.main(["compare", str(model), str(small_set), "--json", str(scores)]) == 0
+    table = json.loads(scores.read_text())
+    assert {r["use"] for r in table["records"]} == set(table["by_use"]) == {"fit", "validate"}
+    for pooled in (table, *table["records"], *table["by_use"].values()):
+        assert 0 < pooled["torque_error"] < 0.5 and pooled["simulation_error"] > 0
+    assert table["simulation_window_s"] > 0 and "pooled" in capsys.readouterr().out
+
+
+def test_attach_writes_a_model_that_loads_with_its_friction(
+    model: Path, robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.xml"
+    argv = ["attach", str(model), str(robot), "--joint", "elbow", "--joint", "wrist", "-o", str(out)]
+    assert cli.main(argv) == 0 and "elbow, wrist" in capsys.readouterr().out
+    assert robot.read_text() == ROBOT
+    loaded = mujoco.MjModel.from_xml_path(str(out))
+    data = mujoco.MjData(loaded)
+    data.qvel[0] = 1.0
+    mujoco.mj_forward(loaded, data)
+    assert loaded.nplugin == 2 and data.qfrc_passive[0] < 0
+
+
+def test_attach_into_another_folder_finds_the_meshes(model: Path, tmp_path: Path) -> None:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    faces = ["1 2 3", "1 2 4", "1 3 4", "2 3 4"]
+    lines = [*(f"v {c}" for c in corners), *(f"f {f}" for f in faces)]
+    (tmp_path / "assets" / "arm.obj").write_text("\n".join(lines))
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco><compiler meshdir="assets"/><asset><mesh name="arm" file="arm.obj"/></asset><worldbody><body>'
+        '<joint name="elbow"/><geom type="mesh" mesh="arm"/></body></worldbody></mujoco>'
+    )
+    out = tmp_path / "elsewhere" / "out.xml"
+    assert cli.main(["attach", str(model), str(tmp_path / "robot.xml"), "--joint", "elbow", "-o", str(out)]) == 0
+    assert mujoco.MjModel.from_xml_path(str(out)).nmesh == 1
+
+
+@pytest.mark.parametrize("command", ["", "demo", "fit", "compare", "diagnose", "attach", "view"])
+def test_help_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main([command, "--help"] if command else ["--help"])
+    out = capsys.readouterr().out
+    assert caught.value.code == 0 and (f"example:  gms-mujoco {command} " in out if command else "diagnose" in out)
+
+
+def test_python_m_is_the_same_program(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "gms_mujoco", "fit", "nowhere", "-o", "model.toml"],
+        cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "nowhere" in done.stderr, done.stderr
+
+
+# What it refuses.
+
+
+def test_bad_sets_are_one_line(tmp_path: Path, model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    refuses(capsys, "nowhere", argv=["fit", tmp_path / "nowhere", "-o", out])
+    refuses(capsys, "no dataset.toml", argv=["diagnose", tmp_path, "-o", out])
+    (tmp_path / "dataset.toml").write_text("[axis]\ninertia = -1\n")
+    refuses(capsys, "dataset.toml", "axis.inertia", argv=["compare", model, tmp_path])
+    assert not out.exists()
+
+
+def test_bad_models_are_one_line(model: Path, small_set: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refuses(capsys, "none.toml", "no such file", argv=["compare", "none.toml", small_set])
+    for text, word in {
+        "[effects.frictoin]\n": "frictoin",
+        "[axis]\ninertia = 0\n": "inertia",
+        "[effects.gms]\nstiffness = [1, 2]\nfraction = [0.5, 0.6]\n": "sum to 1",
+        '[axis]\nkind = "slide"\ninertia = 1.0\n': "slide",
+        "[effects.viscous]\ncoefficient = nan\n": "no value yet",
+    }.items():
+        model.write_text(text)
+        refuses(capsys, word, argv=["compare", model, small_set])
+
+
+def test_unknown_effects_and_joints_are_named(
+    model: Path, robot: Path, small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.xml"
+    refuses(capsys, "'frictoin'", "viscous", argv=["fit", small_set, "--effects", "gms,frictoin", "-o", out])
+    refuses(capsys, "--effects names none", argv=["fit", small_set, "--effects", ",", "-o", out])
+    refuses(capsys, "'knee'", "elbow", argv=["attach", model, robot, "--joint", "knee", "-o", out])
+    refuses(capsys, "'ball'", argv=["attach", model, robot, "--joint", "ball", "-o", out])
+    refuses(capsys, "none.xml", argv=["attach", model, "none.xml", "--joint", "elbow", "-o", out])
+    robot.write_text("<mujoco><worldbody>")
+    refuses(capsys, "robot.xml", argv=["attach", model, robot, "--joint", "elbow", "-o", out])
+    assert not out.exists()
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    model: Path, small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refuses(capsys, "nowhere", argv=["fit", small_set, "-o", tmp_path / "nowhere" / "model.toml"])
+    refuses(capsys, "is a folder", argv=["compare", model, small_set, "--json", tmp_path])
+    refuses(capsys, "model.toml", argv=["diagnose", small_set, "-o", model])
+    assert model.read_text().startswith("[axis]")
+
+
+def test_commands_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    refuses(capsys, "frf", "not built yet", argv=["frf", "measurements"])
+    for argv in (["explain"], [], ["fit"], ["fit", "a", "-o", "b", "--speed"]):
+        with pytest.raises(SystemExit) as caught:
+            cli.main(argv)
+        err = capsys.readouterr().err
+        assert caught.value.code == 2 and err.count("\n") == 1 and "--help" in err
+
+
+def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refuses(capsys, "recording.rrd", argv=["view", tmp_path])
+    (tmp_path / "data.csv").touch()
+    refuses(capsys, "not a recording", argv=["view", tmp_path / "data.csv"])
+
+
+def test_interrupting_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(path: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "load", interrupted)
+    assert cli.main(["fit", "x", "-o", "y.toml"]) == 130
+    assert capsys.readouterr().err == "gms-mujoco: interrupted\n"
+
+
+# Small things.
+
+
+def test_json_is_strict() -> None:
+    text = cli.as_json({"a": float("nan"), "b": [1.0, float("inf")], "c": (True, "x")})
+    assert json.loads(text) == {"a": None, "b": [1.0, None], "c": [True, "x"]}
+
+
+def test_progress_draws_only_for_someone_who_watches() -> None:
+    for force in (False, True):
+        stream = io.StringIO()
+        with Bar(stream, force) as bar:
+            for k in range(101):
+                bar(k / 100, "fitting")
+        assert ("100 %" in stream.getvalue() and stream.getvalue().endswith("\x1b[K")) == force
+
+
+def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["--version"])
+    project = Path(__file__).parent.parent / "pyproject.toml"
+    printed = capsys.readouterr().out.split()[1]
+    assert printed in (tomllib.loads(project.read_text())["project"]["version"], "0.0.0")
