@@ -1,0 +1,577 @@
+"""The plug-in and the control callback inside MuJoCo."""
+
+import ctypes
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+from gms_mujoco import effects, engine
+from gms_mujoco.errors import EngineError, ModelError
+from gms_mujoco.plant import Plant
+
+MODELS = Path(__file__).resolve().parent.parent / "models"
+J = 2.4e-5
+FC, FS = 4.5e-3, 5.4e-3
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+AXIS = f"""<mujoco><option timestep="0.0005" gravity="0 0 0"/>
+<worldbody><body name="rotor"><joint name="shaft" axis="0 0 1"/>
+<inertial pos="0 0 0" mass="1" diaginertia="{J} {J} {J}"/></body></worldbody>
+<actuator><motor name="drive" joint="shaft"/></actuator></mujoco>"""
+
+
+def gms(stiffness=(0.8, 0.4, 0.2, 0.1)):
+    return effects.GMS(
+        stiffness=stiffness, fraction=[0.1, 0.2, 0.3, 0.4], coulomb=FC, static=FS, stribeck_velocity=0.8,
+        attraction=0.3,
+    )
+
+
+BEARING = Plant.axis(J) + gms() + effects.Viscous(coefficient=2e-5)
+DRY = Plant.axis(J) + effects.Coulomb(coulomb=4e-3)
+
+
+def axis(plant=BEARING, integration="auto", timestep=5e-4, integrator="Euler"):
+    spec = engine.attach(AXIS, {"shaft": plant}, integration)
+    spec.option.timestep = timestep
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model = spec.compile()
+    return model, mujoco.MjData(model)
+
+
+def stick_slip(n, h=5e-4, amplitude=8e-3):
+    t = np.arange(n) * h
+    return amplitude * np.sin(2 * np.pi * 3 * t) * (0.6 + 0.4 * np.sin(2 * np.pi * 0.7 * t))
+
+
+def run(model, data, torque):
+    """(n, 4) time, position, velocity and friction torque before each step."""
+    rows = []
+    for u in torque:
+        data.ctrl[:] = u
+        mujoco.mj_forward(model, data)
+        rows.append((data.time, data.qpos[0], data.qvel[0], data.qfrc_passive[0]))
+        mujoco.mj_step(model, data)
+    return np.array(rows)
+
+
+@pytest.fixture
+def callback():
+    engine.install_callback()
+    yield
+    engine.remove_callback()
+
+
+INTEGRATIONS = pytest.mark.parametrize("integration", ["explicit", "implicit"])
+
+
+def test_plugin_torque_is_the_replayed_torque_to_the_last_bit():
+    t, q, v, torque = run(*axis(), stick_slip(6000)).T
+    assert np.count_nonzero(np.diff(np.sign(v))) > 10
+    assert np.array_equal(BEARING.joint().replay(t, q, v).torque, torque)
+
+
+@INTEGRATIONS
+def test_axis_simulation_is_the_plugin_trajectory(integration):
+    command = stick_slip(6000)
+    _, q, v, torque = run(*axis(integration=integration), command).T
+    motion = BEARING.joint().simulate(J, 5e-4, command, integration=integration)
+    if integration == "explicit":
+        assert np.array_equal(motion.position, q) and np.array_equal(motion.velocity, v)
+        assert np.array_equal(motion.friction, torque)
+    else:
+        assert np.allclose(motion.position, q, atol=1e-10) and np.allclose(motion.friction, torque, atol=1e-10)
+
+
+@INTEGRATIONS
+def test_repeated_forward_changes_nothing(integration, callback):
+    model, data = axis(integration=integration)
+    run(model, data, stick_slip(777))
+    mujoco.mj_forward(model, data)
+    state, force = data.plugin_state.copy(), data.qacc.copy()
+    for _ in range(5):
+        mujoco.mj_forward(model, data)
+        assert np.array_equal(data.plugin_state, state) and np.array_equal(data.qacc, force)
+    mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_VEL, 0)
+    assert np.array_equal(data.plugin_state, state) and np.array_equal(data.qacc, force)
+
+
+@INTEGRATIONS
+def test_save_reload_copy_reset_and_set_state_reproduce_a_trajectory(integration, tmp_path):
+    command = stick_slip(2000)
+    model, data = axis(integration=integration)
+    first = run(model, data, command[:900])
+    state = np.empty(mujoco.mj_stateSize(model, FULL))
+    mujoco.mj_getState(model, data, state, FULL)
+    copy = mujoco.MjData(model)
+    mujoco.mj_copyData(copy, model, data)
+    rest = run(model, data, command[900:])
+    assert np.array_equal(run(model, copy, command[900:]), rest)
+
+    other = mujoco.MjData(model)
+    mujoco.mj_setState(model, other, state, FULL)
+    assert np.array_equal(run(model, other, command[900:]), rest)
+
+    mujoco.mj_resetData(model, data)
+    assert np.array_equal(run(model, data, command[:900]), first)
+
+    spec = engine.attach(AXIS, {"shaft": BEARING}, integration)
+    spec.compile()
+    reloaded = mujoco.MjModel.from_xml_string(spec.to_xml())
+    assert np.array_equal(run(reloaded, mujoco.MjData(reloaded), command[:900]), first)
+
+    binary = str(tmp_path / "axis.mjb")
+    mujoco.mj_saveModel(model, binary)
+    loaded = mujoco.MjModel.from_binary_path(binary)
+    assert np.array_equal(run(loaded, mujoco.MjData(loaded), command[:900]), first)
+
+
+@INTEGRATIONS
+@pytest.mark.parametrize("with_callback", [False, True])
+def test_rollout_from_mid_run_and_batch_reproduce_a_trajectory(integration, with_callback):
+    command = stick_slip(1500)
+    model, data = axis(integration=integration)
+    if with_callback:
+        engine.install_callback()
+    try:
+        run(model, data, command[:700])
+        start = np.empty(mujoco.mj_stateSize(model, FULL))
+        mujoco.mj_getState(model, data, start, FULL)
+        expected = []
+        for u in command[700:]:
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data)
+            expected.append((data.qpos[0], data.qvel[0]))
+        expected = np.array(expected)
+
+        spare = [mujoco.MjData(model) for _ in range(2)]
+        controls = np.tile(command[700:, None], (4, 1, 1))
+        states, _ = mujoco.rollout.rollout(model, spare, np.tile(start, (4, 1)), controls)
+        assert np.array_equal(states[3, :, 1:3], expected)
+
+        for nthread in (1, 2):
+            for persistent in (False, True):
+                batch = Batch(model, 3, nthread, persistent)
+                history = []
+                for u in command:
+                    batch.ctrl[:] = u
+                    batch.step()
+                    history.append((batch.qpos[2, 0], batch.qvel[2, 0]))
+                assert np.array_equal(np.array(history)[700:], expected)
+    finally:
+        engine.remove_callback()
+
+
+def test_callback_and_plugin_alone_agree():
+    command = stick_slip(3000)
+    alone = run(*axis(integration="implicit"), command)
+    engine.install_callback()
+    try:
+        assert np.array_equal(run(*axis(integration="implicit"), command), alone)
+    finally:
+        engine.remove_callback()
+
+
+def test_callback_sees_controls_that_another_callback_sets():
+    """Installed by hand at the end of one's own: the friction answers the torque of the same step."""
+    model, data = axis(DRY)
+
+    def control(m, d):
+        d.ctrl[0] = 3e-3 * np.sin(30 * d.time)
+        engine.evaluate(m, d)
+
+    mujoco.set_mjcb_control(control)
+    try:
+        with pytest.raises(EngineError, match="evaluate"):
+            engine.install_callback()
+        engine.remove_callback()
+        assert mujoco.get_mjcb_control() is control
+        mujoco.mj_step(model, data, 2000)
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert abs(data.qpos[0]) < 1e-15
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
+@pytest.mark.parametrize("timestep", [1e-4, 1e-3, 5e-3])
+def test_static_friction_holds_without_creep(integrator, timestep):
+    model, data = axis(DRY, timestep=timestep, integrator=integrator)
+    load = 1.7e-3 + 1.2e-3 * np.sin(2 * np.pi * 5 * np.arange(int(1 / timestep)) * timestep)
+    rows = run(model, data, load)
+    assert np.abs(rows[:, 1]).max() < 1e-15
+    assert np.allclose(rows[:, 3], -load, atol=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
+def test_gms_holds_without_creep(integrator):
+    """After the transient the joint returns to the same place in each period of a load below break-away."""
+    model, data = axis(integrator=integrator)
+    period = 400
+    load = 2.5e-3 + 1.5e-3 * np.sin(2 * np.pi * np.arange(60 * period) / period)
+    q = run(model, data, load)[:, 1]
+    assert abs(q[-1] - q[-1 - 10 * period]) < 1e-9 * np.ptp(q)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
+@pytest.mark.parametrize("wh", [3.0, 100.0])
+def test_stiff_joint_is_bounded_under_every_integrator(integrator, wh):
+    stiffness = np.array([8, 4, 2, 1]) / 15 * J * (wh / 2e-3) ** 2
+    model, data = axis(Plant.axis(J) + gms(stiffness), timestep=2e-3, integrator=integrator)
+    rows = run(model, data, stick_slip(1000, 2e-3, 0.7 * FS))
+    assert np.abs(rows[:, 3]).max() < 0.75 * FS
+    assert np.abs(rows[:, 1]).max() < 0.4 * FS / stiffness[3]
+
+
+def test_actuation_disabled_and_models_without_actuators():
+    for xml in (AXIS, AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")):
+        model = engine.attach(xml, {"shaft": DRY}).compile()
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        data = mujoco.MjData(model)
+        engine.install_callback()
+        try:
+            data.qfrc_applied[0] = 3.9e-3
+            mujoco.mj_step(model, data, 500)
+            assert abs(data.qpos[0]) < 1e-15
+            data.qfrc_applied[0] = 5e-3
+            mujoco.mj_step(model, data, 500)
+            assert data.qvel[0] == pytest.approx(1e-3 / J * 0.25, rel=1e-9)
+        finally:
+            engine.remove_callback()
+
+
+def test_holds_against_an_external_wrench():
+    model, data = axis(DRY)
+    data.xfrc_applied[1, 5] = 3.5e-3
+    mujoco.mj_step(model, data, 1000)
+    assert abs(data.qpos[0]) < 1e-15
+
+
+def test_setting_the_position_after_a_reset_is_no_motion():
+    model, data = axis()
+    for q in (0.0, 1.0, -2.0):
+        data.qpos[0] = q
+        mujoco.mj_forward(model, data)
+        assert engine.friction(model, data, "shaft").torque == 0
+
+
+def test_finite_differences_see_the_stiffness_and_leave_the_state():
+    model, data = axis(Plant.axis(J) + gms())
+    run(model, data, np.full(3000, 1e-3))  # at rest in pre-sliding
+    before = data.plugin_state.copy()
+    A = np.empty((2, 2))
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, A, None, None, None)
+    assert np.array_equal(data.plugin_state, before)
+    tangent = -(A[1, 0]) * J / model.opt.timestep
+    assert 0.1 < tangent <= 1.5 * (1 + 1e-6)
+
+
+def test_inverse_dynamics_knows_the_friction():
+    model, data = axis()
+    data.ctrl[0] = 6e-3
+    mujoco.mj_step(model, data, 300)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_inverse(model, data)
+    assert data.qfrc_inverse[0] == pytest.approx(6e-3, rel=1e-9)
+
+
+def test_sleeping_joints_gather_no_torque():
+    xml = AXIS.replace("<option ", '<option sleep_tolerance="0.01" ').replace(
+        "/>\n<worldbody>", '><flag sleep="enable"/></option>\n<worldbody>', 1
+    ).replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
+    for integration in ("explicit", "implicit"):
+        model = engine.attach(xml, {"shaft": BEARING}, integration).compile()
+        data = mujoco.MjData(model)
+        data.qvel[0] = 3
+        mujoco.mj_step(model, data, 8000)
+        assert data.tree_asleep[0] >= 0, "the tree must have fallen asleep"
+        assert abs(data.qfrc_passive[0]) < FS
+        torque = data.qfrc_passive[0]
+        mujoco.mj_step(model, data, 100)
+        assert data.qfrc_passive[0] == torque
+
+
+# ------------------------------------------------------------------------------------------ against MuJoCo's own
+
+
+def twin(attributes, plant, torque, option="", elements="", speed=0.0, integration="auto"):
+    """(2, n) positions of two equal joints, ours on the first and MuJoCo's element on the second."""
+    body = (
+        '<body><joint name="{0}" axis="0 0 1" {1}/><inertial pos="0 0 0" mass="1" '
+        f'diaginertia="{J} {J} {J}"/></body>'
+    )
+    xml = (
+        f'<mujoco><option timestep="0.0002" gravity="0 0 0">{option}</option><worldbody>'
+        f'{body.format("ours", "")}{body.format("theirs", attributes)}</worldbody>{elements}</mujoco>'
+    )
+    model = engine.attach(xml, {"ours": plant}, integration).compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = speed
+    history = []
+    for u in torque:
+        data.qfrc_applied[:] = u
+        mujoco.mj_step(model, data)
+        history.append(data.qpos.copy())
+    return np.array(history).T
+
+
+def test_viscous_is_joint_damping():
+    ours, theirs = twin(
+        'damping="3e-4"',
+        Plant.axis() + effects.Viscous(coefficient=3e-4),
+        stick_slip(5000, 2e-4),
+        '<flag eulerdamp="disable"/>',
+    )
+    assert np.abs(ours - theirs).max() < 1e-12 * np.ptp(theirs)
+
+
+def test_coulomb_brakes_like_frictionloss():
+    """MuJoCo's is a soft constraint and creeps at rest; coasting to a stop they agree."""
+    law = Plant.axis() + effects.Coulomb(coulomb=2e-3)
+    ours, theirs = twin('frictionloss="2e-3"', law, np.zeros(2000), speed=20.0)
+    assert ours[-1] == pytest.approx(20**2 * J / (2 * 2e-3), rel=2e-3)
+    assert np.abs(ours - theirs).max() < 2e-3 * np.ptp(theirs)
+
+
+def test_gms_without_stribeck_is_a_set_of_yielding_tendons():
+    stiffness, fraction = (0.8, 0.4, 0.2, 0.1), (0.1, 0.2, 0.3, 0.4)
+    law = effects.GMS(
+        stiffness=stiffness, fraction=fraction, coulomb=FC, static=FC, stribeck_velocity=1.0, attraction=1e9
+    )
+    tendons = "".join(
+        f'<fixed stiffness="{k}" springyield="{a * FC / k}" springlength="0"><joint joint="theirs" coef="1"/></fixed>'
+        for k, a in zip(stiffness, fraction, strict=True)
+    )
+    ours, theirs = twin(
+        "", Plant.axis() + law, stick_slip(5000, 2e-4, 1.5 * FC), elements=f"<tendon>{tendons}</tendon>",
+        integration="explicit",
+    )
+    assert np.ptp(ours) > 0.5, "the joint must slide"
+    assert np.abs(ours - theirs).max() < 1e-12 * np.ptp(theirs)
+
+
+# ------------------------------------------------------------------------------------------------------ the arm
+
+
+@pytest.fixture(scope="module")
+def arm_plant():
+    return Plant.load(MODELS / "arm_joint.toml")
+
+
+def test_arm_converges_to_the_same_motion_at_any_step(arm_plant):
+    """Seven coupled joints, explicit and implicit, against a small step."""
+
+    def motion(h, integration):
+        spec = engine.attach(MODELS / "arm.xml", {"*": arm_plant}, integration)
+        spec.option.timestep = h
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.qpos[:] = [0.3, 0.8, 0.2, 0.9, 0.1, 0.5, 0.2]
+        mujoco.mj_forward(model, data)
+        hold = data.qfrc_bias.copy()
+        out = []
+        for k in range(round(0.5 / h)):
+            data.ctrl[:] = hold + 2.5 * np.sin(2 * np.pi * 2 * k * h)
+            mujoco.mj_step(model, data)
+            if (k + 1) % round(0.01 / h) == 0:
+                out.append(data.qpos.copy())
+        return np.array(out)
+
+    reference = motion(1e-4, "explicit")
+    span = np.ptp(reference, axis=0)
+    for h, integration, tolerance in ((1e-3, "explicit", 0.02), (1e-3, "implicit", 0.12), (2e-3, "auto", 0.05)):
+        assert (np.abs(motion(h, integration) - reference) < tolerance * span).all(), (h, integration)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_arm_with_stiff_joints_is_held_by_dry_friction(integrator):
+    """Static friction on seven coupled joints carries the arm against gravity without creep."""
+    plant = Plant.axis() + effects.Coulomb(coulomb=60.0)
+    spec = engine.attach(MODELS / "arm.xml", {"*": plant})
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.3, 0.8, 0.2, 0.9, 0.1, 0.5, 0.2]
+    start = data.qpos.copy()
+    mujoco.mj_step(model, data, 1000)
+    assert np.abs(data.qpos - start).max() < 1e-7
+
+
+def test_several_joints_models_and_data_at_once(arm_plant):
+    """Threads that step different models and data get what each gets alone."""
+
+    def job(k):
+        if k % 2:
+            model, data = axis(integration="implicit")
+            return run(model, data, stick_slip(1500))[-1]
+        model = engine.attach(MODELS / "arm.xml", {"*": arm_plant}, "implicit").compile()
+        data = mujoco.MjData(model)
+        data.qpos[1] = 0.5
+        mujoco.mj_step(model, data, 500)
+        return data.qpos.copy()
+
+    alone = [job(0), job(1)]
+    with ThreadPoolExecutor(4) as pool:
+        for k, result in enumerate(pool.map(job, range(8))):
+            assert np.array_equal(result, alone[k % 2])
+
+
+# ------------------------------------------------------------------------------------------------------- attach
+
+
+def test_attach_takes_a_path_a_text_a_spec_and_patterns(tmp_path):
+    path = tmp_path / "axis.xml"
+    path.write_text(AXIS)
+    for source in (path, str(path), AXIS, mujoco.MjSpec.from_string(AXIS)):
+        assert engine.attach(source, {"sh*": BEARING}).compile().nplugin == 1
+    spec = mujoco.MjSpec.from_string(AXIS)
+    BEARING.attach(spec, joint="shaft")
+    assert spec.compile().nplugin == 1
+
+
+def test_prefix_and_suffix_follow_when_a_model_joins_another():
+    two = AXIS.replace("</body>", '<body name="second"/></body>').replace(
+        '<joint name="shaft" axis="0 0 1"/>',
+        '<joint name="shaft" axis="0 0 1"/><joint name="tilt" axis="0 1 0"/>',
+    )
+    parent = mujoco.MjSpec()
+    for prefix in ("left_", "right_"):
+        child = engine.attach(two, {"*": BEARING})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the time step differs
+            parent.attach(child, prefix=prefix, suffix="_x", frame=parent.worldbody.add_frame())
+            model = parent.compile()
+    assert model.nplugin == 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = mujoco.MjModel.from_xml_string(parent.to_xml())
+    data = mujoco.MjData(model)
+    data.qvel[:] = [1, 2, 3, 4]
+    mujoco.mj_forward(model, data)
+    for name, speed in (("left_shaft_x", 1), ("left_tilt_x", 2), ("right_shaft_x", 3), ("right_tilt_x", 4)):
+        assert engine.friction(model, data, name).torque == pytest.approx(-2e-5 * speed)
+
+
+def test_friction_is_read_out_by_joint():
+    model, data = axis()
+    run(model, data, stick_slip(500))
+    mujoco.mj_forward(model, data)
+    reading = engine.friction(model, data, "shaft")
+    assert reading.torque == data.qfrc_passive[0]
+    assert reading.power == reading.torque * data.qvel[0]
+    forces = reading.states["gms"][::2]
+    assert reading.torque == pytest.approx(-forces.sum() - 2e-5 * data.qvel[0])
+    with pytest.raises(ModelError, match="no joint is called 'elbow'; the joints are shaft"):
+        engine.friction(model, data, "elbow")
+    bare = mujoco.MjModel.from_xml_string(AXIS)
+    with pytest.raises(ModelError, match="no friction"):
+        engine.friction(bare, mujoco.MjData(bare), "shaft")
+
+
+MIXED = """<mujoco><worldbody>
+<body><freejoint name="free"/><geom size="0.1"/><body><joint name="ball" type="ball"/><geom size="0.1"/>
+<body><joint name="slider" type="slide" frictionloss="0.1"/><geom size="0.1"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "plant", "message"),
+    [
+        ("elbow", BEARING, "no joint is called 'elbow'; the joints are ball, free, slider"),
+        ("ball", BEARING, "'ball' is a ball or free joint"),
+        ("free", BEARING, "'free' is a ball or free joint"),
+        ("slider", BEARING, "'slider' is a slide, the plant is for a hinge"),
+        ("slider", Plant.axis(kind="slide") + effects.Viscous(coefficient=float("nan")), "viscous.coefficient"),
+    ],
+)
+def test_attach_refuses_in_one_line(joint, plant, message):
+    with pytest.raises(ModelError, match=message) as error:
+        engine.attach(MIXED, {joint: plant})
+    assert "\n" not in str(error.value)
+
+
+def test_attach_refuses_what_is_no_model(tmp_path):
+    with pytest.raises(ModelError, match="no such file"):
+        engine.attach(tmp_path / "none.xml", {"shaft": BEARING})
+    with pytest.raises(ModelError) as error:
+        engine.attach("<mujoco><nonsense/></mujoco>", {"shaft": BEARING})
+    assert "\n" not in str(error.value)
+
+
+def test_attach_refuses_friction_twice():
+    spec = engine.attach(AXIS, {"shaft": BEARING})
+    with pytest.raises(ModelError, match="has friction already"):
+        engine.attach(spec, {"shaft": DRY})
+    with pytest.raises(ModelError, match="named twice"):
+        engine.attach(AXIS, {"shaft": BEARING, "*": DRY})
+
+
+def test_attach_warns_of_friction_that_counts_twice():
+    with pytest.warns(UserWarning, match="frictionloss 0.1"):
+        engine.attach(MIXED, {"slider": Plant.axis(kind="slide") + effects.Coulomb(coulomb=1.0)})
+    with pytest.warns(UserWarning, match="damping"):
+        engine.attach(AXIS.replace('name="shaft"', 'name="shaft" damping="1e-5"'), {"shaft": BEARING})
+
+
+def test_attach_leaves_other_joints_and_inertia_alone():
+    model = engine.attach(MODELS / "arm.xml", {"elbow": Plant.load(MODELS / "arm_joint.toml")}).compile()
+    bare = mujoco.MjModel.from_xml_path(str(MODELS / "arm.xml"))
+    assert model.nplugin == 1 and model.nbody == bare.nbody
+    assert np.array_equal(model.dof_armature, bare.dof_armature)
+    assert np.array_equal(model.dof_M0, bare.dof_M0)
+
+
+def test_delay_becomes_the_delay_of_the_actuator():
+    delay = effects.Delay(time=1.7e-3)
+    model = engine.attach(AXIS, {"shaft": Plant.axis() + delay}).compile()
+    data = mujoco.MjData(model)
+    command = stick_slip(200)
+    acted = []
+    for u in command:
+        data.ctrl[0] = u
+        mujoco.mj_step(model, data)
+        acted.append(data.qfrc_actuator[0])
+    assert np.allclose(acted, delay.deliver(np.arange(200) * 5e-4, command), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('joint name="shaft"', 'joint name="other"', "no joint is called 'shaft'; the joints are other"),
+        ('gms.fraction" value="0.1 ', 'gms.fraction" value="0.3 ', "gms.fraction must sum to 1"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="abc"', "must be a list of numbers; 'abc' given"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="-1"', r"must lie in \[0, inf\] N m; -1 given"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="1 2"', "must be one number"),
+        ('gms.static" value="0.0054"', 'gms.static" value="0.001"', "at least coulomb"),
+        ('gms.stiffness" value="0.8 ', 'gms.stiffness" value="', "has 4 values, others 3"),
+        ('key="effects" value="gms viscous"', 'key="effects" value="magic"', "no native effect is called 'magic'"),
+        ('key="effects" value="gms viscous"', 'key="effects" value="gms"', "does not list viscous"),
+        ('key="effects" value="gms viscous"', 'key="effects" value=""', "at least one effect|does not list"),
+        ('key="gms.coulomb"', 'key="gms.wrong"', "gms.wrong"),
+        ('<joint name="shaft"', '<joint type="ball" name="shaft"', "hinge or a slide"),
+    ],
+)
+def test_a_bad_file_is_refused_when_it_is_compiled(old, new, message):
+    xml = AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
+    spec = engine.attach(xml, {"shaft": BEARING})
+    spec.compile()
+    good = spec.to_xml()
+    assert old in good
+    with pytest.raises(ValueError, match=message):
+        mujoco.MjModel.from_xml_string(good.replace(old, new))
+
+
+@pytest.mark.parametrize("version", [316, 3016000, 3009000, 4001000, 5000000, 0])
+def test_other_series_of_mujoco_are_refused(version):
+    class Library:
+        mj_version = ctypes.CFUNCTYPE(ctypes.c_int)(lambda: version)
+
+    with pytest.raises(EngineError, match=rf"runs with MuJoCo 4.0.x; .* version {version}: install"):
+        engine.register(Library())
+    model, data = axis()
+    mujoco.mj_step(model, data)
