@@ -1,5 +1,7 @@
 """What a Maxwell-slip friction must show, each as a property with a figure."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -30,7 +32,7 @@ def friction(static=FS, attraction=0.3, **other):
 
 def path(*turns, step=1e-4):
     """Position that runs straight from turn to turn."""
-    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in zip(turns, turns[1:], strict=False)]
+    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in pairwise(turns)]
     return np.concatenate([[turns[0]], *legs])
 
 

@@ -117,8 +117,8 @@ def _declaration(index: int) -> Declaration:
         for p in e.parameters
         if p.name
     )
-    texts = (t.decode() for t in (e.name, e.class_name, e.kind, e.doc, e.signature, e.experiment))
-    return Declaration(index, *texts, parameters, bool(e.modulate))
+    texts = {k: getattr(e, k).decode() for k in ("name", "class_name", "kind", "doc", "signature", "experiment")}
+    return Declaration(index, **texts, parameters=parameters, modulates=bool(e.modulate))
 
 
 DECLARATIONS = tuple(_declaration(i) for i in range(library.gms_n_effects()))

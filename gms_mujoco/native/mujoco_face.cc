@@ -14,11 +14,10 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <vector>
 
-#include "effect.h"
+#include "config.h"
 #include "joint.h"
 
 #if defined(_WIN32)
@@ -92,98 +91,18 @@ Handle* first_handle(const mjModel* m, const mjData* d, int end) {
 
 // ---------------------------------------------------------------------------------------------- configuration
 
-std::string config(const mjModel* m, int id, const std::string& key) {
-  const char* value = engine.mj_getPluginConfig(m, id, key.c_str());
-  return value ? value : "";
-}
-
-bool numbers(const std::string& text, std::vector<double>* out) {
-  std::istringstream stream(text);
-  stream.imbue(std::locale::classic());
-  for (double x; stream >> std::ws && !stream.eof();) {
-    if (!(stream >> x)) return false;
-    out->push_back(x);
-  }
-  return true;
-}
-
-// Parameters of one effect from the config; `n` elements. Returns what is wrong, or nothing.
-std::string read_effect(const mjModel* m, int id, const gms::Effect& effect, std::vector<double>* packed, int* n) {
-  std::vector<std::vector<double>> given;
-  *n = 0;
-  for (const gms::Parameter& p : effect.parameters) {
-    if (!p.name) break;
-    const std::string key = std::string(effect.name) + "." + p.name, text = config(m, id, key);
-    given.emplace_back();
-    if (!numbers(text, &given.back())) return key + " must be a list of numbers; '" + text + "' given";
-    const int size = static_cast<int>(given.back().size());
-    if (size > 0 && p.per_element) {
-      if (*n && *n != size) return key + " has " + std::to_string(size) + " values, others " + std::to_string(*n);
-      *n = size;
-    } else if (size > 1) {
-      return key + " must be one number; '" + text + "' given";
-    }
-  }
-  *n = std::max(*n, 1);
-  for (size_t i = 0; i < given.size(); i++) {
-    const gms::Parameter& p = effect.parameters[i];
-    const std::string key = std::string(effect.name) + "." + p.name;
-    std::vector<double>& v = given[i];
-    if (v.empty()) v.assign(p.per_element ? *n : 1, p.share ? 1.0 / *n : p.fallback);
-    double sum = 0;
-    for (const double x : v) {
-      if (std::isnan(x)) return key + " has no value";
-      if (x < p.lower || x > p.upper) {
-        std::ostringstream text;
-        text << key << " must lie in [" << p.lower << ", " << p.upper << "] " << p.unit << "; " << x << " given";
-        return text.str();
-      }
-      sum += x;
-    }
-    for (size_t j = 0; p.at_least && j < i; j++) {
-      for (size_t k = 0; k < v.size() && std::string(p.at_least) == effect.parameters[j].name; k++) {
-        if (v[k] < given[j][k]) return key + " must be at least " + p.at_least;
-      }
-    }
-    if (p.share && std::fabs(sum - 1) > 1e-6) return key + " must sum to 1; the sum is " + std::to_string(sum);
-    packed->insert(packed->end(), v.begin(), v.end());
-  }
-  return "";
-}
-
-std::string read_effects(const mjModel* m, int id, Joint* joint) {
-  std::istringstream names(config(m, id, "effects"));
-  std::string name;
-  while (names >> name) {
-    const gms::Effect* effect = gms::find_effect(name);
-    if (!effect) return "no native effect is called '" + name + "'";
-    std::vector<double> packed;
-    int n;
-    const std::string wrong = read_effect(m, id, *effect, &packed, &n);
-    if (!wrong.empty()) return wrong;
-    if (joint->n_state() + (effect->n_state ? effect->n_state(n) : 0) > Joint::kMaxState) {
-      return name + " has too many elements";
-    }
-    joint->add(effect, n, packed.data());
-  }
-  for (int i = 0; i < gms::kCatalogueSize; i++) {  // parameters of an effect that is not listed would be lost
-    const gms::Effect* effect = gms::kCatalogue[i];
-    bool used = false;
-    for (const Joint::Use& use : joint->uses()) used = used || use.effect == effect;
-    for (const gms::Parameter& p : effect->parameters) {
-      if (!p.name || used) break;
-      const std::string key = std::string(effect->name) + "." + p.name;
-      if (!config(m, id, key).empty()) return key + " is given but 'effects' does not list " + effect->name;
-    }
-  }
-  return joint->uses().empty() ? "'effects' must list at least one effect" : "";
+gms::Config config(const mjModel* m, int id) {
+  return [m, id](const std::string& key) -> std::string {
+    const char* value = engine.mj_getPluginConfig(m, id, key.c_str());
+    return value ? value : "";
+  };
 }
 
 std::string instance_name(const mjModel* m, int id) { return m->names + m->name_pluginadr[id]; }
 
 std::string read_instance(const mjModel* m, int id, Instance* out) {
   out->id = id;
-  std::string name = config(m, id, "joint");
+  std::string name = config(m, id)("joint");
   if (name.empty()) name = instance_name(m, id);
   const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
   if (joint < 0) {
@@ -199,13 +118,13 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
   }
   out->dof = m->jnt_dofadr[joint];
   out->qpos = m->jnt_qposadr[joint];
-  const std::string integration = config(m, id, "integration");
+  const std::string integration = config(m, id)("integration");
   const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
   if (!integration.empty() && found == end) {
     return "integration must be auto, explicit or implicit; '" + integration + "' given";
   }
   out->integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
-  return read_effects(m, id, &out->joint);
+  return gms::read_effects(config(m, id), &out->joint);
 }
 
 // MuJoCo leaves through mju_error without unwinding: nothing that owns memory may be alive by then.
@@ -319,7 +238,7 @@ int nstate(const mjModel* m, int id) {
   int n = 0;
   {
     Joint joint;
-    const std::string wrong = read_effects(m, id, &joint);
+    const std::string wrong = gms::read_effects(config(m, id), &joint);
     if (!wrong.empty()) report(m, id, wrong, message);
     n = joint.n_state() + kBookkeeping;
   }
@@ -413,19 +332,6 @@ void advance(const mjModel* m, mjData* d, int id) {
   x.book(m, d)[kFresh] = 0;
 }
 
-const std::vector<std::string>& attribute_names() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> all = {"joint", "effects", "integration"};
-    for (int i = 0; i < gms::kCatalogueSize; i++) {
-      for (const gms::Parameter& p : gms::kCatalogue[i]->parameters) {
-        if (p.name) all.push_back(std::string(gms::kCatalogue[i]->name) + "." + p.name);
-      }
-    }
-    return all;
-  }();
-  return names;
-}
-
 }  // namespace
 
 // ------------------------------------------------------------------------------------------ what Python calls
@@ -466,10 +372,13 @@ GMS_API int gms_engine_init(void* const* table, char* error, int size) {
   GMS_SYMBOLS(GMS_TAKE)
 #undef GMS_TAKE
 
+  static std::vector<std::string> keys = {"joint", "integration"};
   static std::vector<const char*> attributes;
   static mjpPlugin plugin;
-  attributes.clear();
-  for (const std::string& name : attribute_names()) attributes.push_back(name.c_str());
+  if (attributes.empty()) {
+    for (std::string& key : gms::config_keys()) keys.push_back(std::move(key));
+    for (const std::string& key : keys) attributes.push_back(key.c_str());
+  }
   engine.mjp_defaultPlugin(&plugin);
   plugin.name = kPlugin;
   plugin.nattribute = static_cast<int>(attributes.size());

@@ -1,0 +1,169 @@
+"""Friction put on the joints of a model, read out, saved, and refused where it cannot be."""
+
+import ctypes
+import warnings
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from axes import AXIS, BEARING, DRY, axis, run, stick_slip
+
+from gms_mujoco import effects, engine
+from gms_mujoco.errors import EngineError, ModelError
+from gms_mujoco.plant import Plant
+
+MODELS = Path(__file__).resolve().parent.parent / "models"
+
+
+def test_attach_takes_a_path_a_text_a_spec_and_patterns(tmp_path):
+    path = tmp_path / "axis.xml"
+    path.write_text(AXIS)
+    for source in (path, str(path), AXIS, mujoco.MjSpec.from_string(AXIS)):
+        assert engine.attach(source, {"sh*": BEARING}).compile().nplugin == 1
+    spec = mujoco.MjSpec.from_string(AXIS)
+    BEARING.attach(spec, joint="shaft")
+    assert spec.compile().nplugin == 1
+
+
+def test_prefix_and_suffix_follow_when_a_model_joins_another():
+    two = AXIS.replace("</body>", '<body name="second"/></body>').replace(
+        '<joint name="shaft" axis="0 0 1"/>',
+        '<joint name="shaft" axis="0 0 1"/><joint name="tilt" axis="0 1 0"/>',
+    )
+    parent = mujoco.MjSpec()
+    for prefix in ("left_", "right_"):
+        child = engine.attach(two, {"*": BEARING})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the time step differs
+            parent.attach(child, prefix=prefix, suffix="_x", frame=parent.worldbody.add_frame())
+            model = parent.compile()
+    assert model.nplugin == 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = mujoco.MjModel.from_xml_string(parent.to_xml())
+    data = mujoco.MjData(model)
+    data.qvel[:] = [1, 2, 3, 4]
+    mujoco.mj_forward(model, data)
+    for name, speed in (("left_shaft_x", 1), ("left_tilt_x", 2), ("right_shaft_x", 3), ("right_tilt_x", 4)):
+        assert engine.friction(model, data, name).torque == pytest.approx(-2e-5 * speed)
+
+
+def test_friction_is_read_out_by_joint():
+    model, data = axis()
+    run(model, data, stick_slip(500))
+    mujoco.mj_forward(model, data)
+    reading = engine.friction(model, data, "shaft")
+    assert reading.torque == data.qfrc_passive[0]
+    assert reading.power == reading.torque * data.qvel[0]
+    forces = reading.states["gms"][::2]
+    assert reading.torque == pytest.approx(-forces.sum() - 2e-5 * data.qvel[0])
+    with pytest.raises(ModelError, match="no joint is called 'elbow'; the joints are shaft"):
+        engine.friction(model, data, "elbow")
+    bare = mujoco.MjModel.from_xml_string(AXIS)
+    with pytest.raises(ModelError, match="no friction"):
+        engine.friction(bare, mujoco.MjData(bare), "shaft")
+
+
+MIXED = """<mujoco><worldbody>
+<body><freejoint name="free"/><geom size="0.1"/><body><joint name="ball" type="ball"/><geom size="0.1"/>
+<body><joint name="slider" type="slide" frictionloss="0.1"/><geom size="0.1"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "plant", "message"),
+    [
+        ("elbow", BEARING, "no joint is called 'elbow'; the joints are ball, free, slider"),
+        ("ball", BEARING, "'ball' is a ball or free joint"),
+        ("free", BEARING, "'free' is a ball or free joint"),
+        ("slider", BEARING, "'slider' is a slide, the plant is for a hinge"),
+        ("slider", Plant.axis(kind="slide") + effects.Viscous(coefficient=float("nan")), "viscous.coefficient"),
+    ],
+)
+def test_attach_refuses_in_one_line(joint, plant, message):
+    with pytest.raises(ModelError, match=message) as error:
+        engine.attach(MIXED, {joint: plant})
+    assert "\n" not in str(error.value)
+
+
+def test_attach_refuses_what_is_no_model(tmp_path):
+    with pytest.raises(ModelError, match="no such file"):
+        engine.attach(tmp_path / "none.xml", {"shaft": BEARING})
+    with pytest.raises(ModelError) as error:
+        engine.attach("<mujoco><nonsense/></mujoco>", {"shaft": BEARING})
+    assert "\n" not in str(error.value)
+
+
+def test_attach_refuses_friction_twice():
+    spec = engine.attach(AXIS, {"shaft": BEARING})
+    with pytest.raises(ModelError, match="has friction already"):
+        engine.attach(spec, {"shaft": DRY})
+    with pytest.raises(ModelError, match="named twice"):
+        engine.attach(AXIS, {"shaft": BEARING, "*": DRY})
+
+
+def test_attach_warns_of_friction_that_counts_twice():
+    with pytest.warns(UserWarning, match="frictionloss 0.1"):
+        engine.attach(MIXED, {"slider": Plant.axis(kind="slide") + effects.Coulomb(coulomb=1.0)})
+    with pytest.warns(UserWarning, match="damping"):
+        engine.attach(AXIS.replace('name="shaft"', 'name="shaft" damping="1e-5"'), {"shaft": BEARING})
+
+
+def test_attach_leaves_other_joints_and_inertia_alone():
+    model = engine.attach(MODELS / "arm.xml", {"elbow": Plant.load(MODELS / "arm_joint.toml")}).compile()
+    bare = mujoco.MjModel.from_xml_path(str(MODELS / "arm.xml"))
+    assert model.nplugin == 1 and model.nbody == bare.nbody
+    assert np.array_equal(model.dof_armature, bare.dof_armature)
+    assert np.array_equal(model.dof_M0, bare.dof_M0)
+
+
+def test_delay_becomes_the_delay_of_the_actuator():
+    delay = effects.Delay(time=1.7e-3)
+    model = engine.attach(AXIS, {"shaft": Plant.axis() + delay}).compile()
+    data = mujoco.MjData(model)
+    command = stick_slip(200)
+    acted = []
+    for u in command:
+        data.ctrl[0] = u
+        mujoco.mj_step(model, data)
+        acted.append(data.qfrc_actuator[0])
+    assert np.allclose(acted, delay.deliver(np.arange(200) * 5e-4, command), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('joint name="shaft"', 'joint name="other"', "no joint is called 'shaft'; the joints are other"),
+        ('gms.fraction" value="0.1 ', 'gms.fraction" value="0.3 ', "gms.fraction must sum to 1"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="abc"', "must be a list of numbers; 'abc' given"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="-1"', r"must lie in \[0, inf\] N m; -1 given"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="1 2"', "must be one number"),
+        ('gms.static" value="0.0054"', 'gms.static" value="0.001"', "at least coulomb"),
+        ('gms.stiffness" value="0.8 ', 'gms.stiffness" value="', "has 4 values, others 3"),
+        ('key="effects" value="gms viscous"', 'key="effects" value="magic"', "no native effect is called 'magic'"),
+        ('key="effects" value="gms viscous"', 'key="effects" value="gms"', "does not list viscous"),
+        ('key="effects" value="gms viscous"', 'key="effects" value=""', "at least one effect|does not list"),
+        ('key="gms.coulomb"', 'key="gms.wrong"', "gms.wrong"),
+        ('<joint name="shaft"', '<joint type="ball" name="shaft"', "hinge or a slide"),
+    ],
+)
+def test_a_bad_file_is_refused_when_it_is_compiled(old, new, message):
+    xml = AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
+    spec = engine.attach(xml, {"shaft": BEARING})
+    spec.compile()
+    good = spec.to_xml()
+    assert old in good
+    with pytest.raises(ValueError, match=message):
+        mujoco.MjModel.from_xml_string(good.replace(old, new))
+
+
+@pytest.mark.parametrize("version", [316, 3016000, 3009000, 4001000, 5000000, 0])
+def test_other_series_of_mujoco_are_refused(version):
+    class Library:
+        mj_version = ctypes.CFUNCTYPE(ctypes.c_int)(lambda: version)
+
+    with pytest.raises(EngineError, match=rf"runs with MuJoCo 4.0.x; .* version {version}: install"):
+        engine.register(Library())
+    model, data = axis()
+    mujoco.mj_step(model, data)
