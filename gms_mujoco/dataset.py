@@ -160,7 +160,7 @@ def _columns(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array
             "as in columns = { time = 0, torque = 1, position = 2 }"
         )
     available = {**table.columns, **table.unusable}
-    wanted = dict(chosen)
+    wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
     if "torque" in chosen and "current" in chosen:
         raise DataError("columns: give torque or current, not both")
     drive = next((k for k in ("torque", "current") if k in chosen), None) or (
@@ -169,8 +169,8 @@ def _columns(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array
     for key in ("time", "position", drive):
         wanted.setdefault(key, key)
     for key in OPTIONAL:
-        if key in table.columns:
-            wanted.setdefault(key, key)
+        if key in table.columns and key not in chosen:
+            wanted[key] = key
     columns: dict[str, Array] = {}
     for key, at in wanted.items():
         if isinstance(at, bool) or not isinstance(at, int | str):

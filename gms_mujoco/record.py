@@ -50,6 +50,11 @@ class Record:
     resolution: float | None = None
 
     def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "time", np.asarray(self.time, float))
+            object.__setattr__(self, "signals", {k: np.asarray(v, float) for k, v in self.signals.items()})
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{self.name}: the signals must be numbers ({error})") from None
         if self.use not in USES:
             raise DataError(f"{self.name}: use must be one of {listing(USES)}; {self.use!r} given")
         for key in REQUIRED:

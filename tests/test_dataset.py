@@ -112,6 +112,14 @@ def test_text_column_that_is_not_asked_for_does_not_matter(tmp_path: Path) -> No
     assert len(dataset(tmp_path, AXIS + '[[record]]\nfile = "log.csv"\nuse = "fit"\n').records) == 1
 
 
+def test_an_optional_column_is_read_unless_it_is_left_out(tmp_path: Path) -> None:
+    raw = {**RUN, "load": np.ones(N)}
+    text = AXIS + RECORD + 'use = "fit"\n'
+    assert "load" in dataset(tmp_path, text, **raw).fit[0].signals
+    assert "load" not in dataset(tmp_path, text + "columns = { load = false }\n", **raw).fit[0].signals
+    refuses(tmp_path, text + "columns = { torque = false }\n", "columns.torque", **raw)
+
+
 def test_frf_beside_records_is_left_out_and_said(tmp_path: Path) -> None:
     frf = '[[frf]]\nfile = "level.uff"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
     assert "level.uff" in dataset(tmp_path, AXIS + RECORD + frf).notes[0]

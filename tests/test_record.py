@@ -41,6 +41,12 @@ def test_what_is_wrong_is_named(changes: dict, message: str) -> None:
         Record(**{"name": "run", "time": TIME, "signals": SIGNALS, **changes})
 
 
+def test_lists_of_numbers_will_do_and_text_will_not() -> None:
+    assert Record("run", list(range(20)), {"torque": [0] * 20, "position": [0] * 20}).position.dtype == float
+    with pytest.raises(DataError, match="must be numbers"):
+        Record("run", TIME, {**SIGNALS, "load": ["a"] * 100})
+
+
 def test_too_few_samples_are_refused() -> None:
     with pytest.raises(DataError, match="at least 16"):
         Record("run", TIME[:3], {k: v[:3] for k, v in SIGNALS.items()})
