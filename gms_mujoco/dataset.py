@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import formats, timing, units
+from . import files, formats, timing, units
 from .errors import DataError, listing
 from .record import UNITS, USES, Record
 
@@ -100,6 +101,36 @@ def load(path: str | Path) -> Dataset:
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
     return Dataset(file.parent, tuple(records), axis.kind, axis.inertia, axis.torque_constant, split, tuple(notes))
+
+
+def save(
+    path: str | Path, records: Sequence[Record], kind: str = "hinge", inertia: float | None = None, suffix: str = ".csv"
+) -> None:
+    """Writes records as a measurement set that `load` reads back: a file each, named after it, and `dataset.toml`.
+
+    Args:
+        path: folder, made where it does not exist.
+        records: of one axis; all have the resolution of the first.
+        kind, inertia: of the axis; [kg m^2] or [kg].
+        suffix: of a format in `formats`.
+
+    Raises:
+        GmsError: two records of one name, or a place that cannot be written.
+    """
+    folder = files.make_folder(path)
+    names = [f"{r.name.removesuffix(suffix)}{suffix}" for r in records]
+    for name in names:
+        if names.count(name) > 1:
+            raise DataError(f"{path}: two records are called {name!r}")
+    lines = ["[axis]", f'kind = "{kind}"']
+    if inertia is not None:
+        lines.append(f"inertia = {float(inertia)!r}")
+    if records and records[0].resolution:
+        lines.append(f"encoder_resolution = {float(records[0].resolution)!r}")
+    for name, r in zip(names, records, strict=True):
+        formats.write(folder / name, {"time": r.time, **r.signals})
+        lines += ["", "[[record]]", f"file = {json.dumps(name)}", f'use = "{r.use}"']
+    files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 
 class _Axis:

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gms_mujoco import effects, formats
+from gms_mujoco import effects
+from gms_mujoco.dataset import save
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import multisine, simulate
 
@@ -53,12 +54,11 @@ def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A measurement set of a simulated axis with dry and viscous friction: one record to fit, one to validate."""
     folder = tmp_path_factory.mktemp("small_set")
     plant = Plant.axis(2.4e-5) + effects.find("coulomb")(coulomb=4e-3) + effects.find("viscous")(coefficient=2e-5)
-    text = "[axis]\ninertia = 2.4e-5\nencoder_counts_per_rev = 1000000\n"
+    records = []
     for i, use in enumerate(("fit", "validate")):
         rng = np.random.default_rng(i)
         command = multisine(3000, 1e-3, 1.0, 40.0, 2e-2, rng)
-        run = simulate(plant, command, 1e-3, resolution=2 * np.pi / 1e6, torque_noise=2e-5, seed=i)
-        formats.write(folder / f"{use}.csv", {"time": run.time, **run.signals})
-        text += f'[[record]]\nfile = "{use}.csv"\nuse = "{use}"\n'
-    (folder / "dataset.toml").write_text(text)
+        bench = {"resolution": 2 * np.pi / 1e6, "torque_noise": 2e-5, "seed": i}
+        records.append(simulate(plant, command, 1e-3, name=use, use=use, **bench))
+    save(folder, records, inertia=2.4e-5)
     return folder

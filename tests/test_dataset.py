@@ -8,8 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gms_mujoco import formats
-from gms_mujoco.dataset import Dataset, load
+from gms_mujoco.dataset import Dataset, load, save
 from gms_mujoco.errors import DataError
+from gms_mujoco.record import Record
 
 N = 200
 TIME = np.arange(N) * 1e-3
@@ -124,6 +125,20 @@ def test_frf_beside_records_is_left_out_and_said(tmp_path: Path) -> None:
     frf = '[[frf]]\nfile = "level.uff"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
     assert "level.uff" in dataset(tmp_path, AXIS + RECORD + frf).notes[0]
     refuses(tmp_path, AXIS + frf, "level.uff", "not read yet")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_saved_records_come_back_to_the_last_bit(suffix: str, tmp_path: Path) -> None:
+    signals = {"torque": RUN["torque"], "position": RUN["position"], "load": TIME}
+    records = [Record("slow", TIME, signals, "fit", 1e-3), Record("fast.csv", TIME, signals, "validate", 1e-3)]
+    save(tmp_path / "set", records, "slide", 95.0, suffix)
+    runs = load(tmp_path / "set")
+    assert (runs.kind, runs.inertia) == ("slide", 95.0)
+    for given_, read in zip(records, runs.records, strict=True):
+        assert (read.use, read.resolution) == (given_.use, 1e-3) and np.array_equal(read.time, given_.time)
+        assert all(np.array_equal(read.signals[k], v) for k, v in given_.signals.items())
+    with pytest.raises(DataError, match="two records are called 'slow"):
+        save(tmp_path / "set", [records[0], records[0]])
 
 
 # The split.
