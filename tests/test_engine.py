@@ -256,14 +256,14 @@ def test_sleeping_joints_gather_no_torque():
 # ------------------------------------------------------------------------------------------ against MuJoCo's own
 
 
-def twin(attributes, plant, torque, option="", elements="", speed=0.0, integration="auto"):
+def twin(attributes, plant, torque, option="", elements="", speed=0.0, integration="auto", timestep=2e-4):
     """(2, n) positions of two equal joints, ours on the first and MuJoCo's element on the second."""
     body = (
         '<body><joint name="{0}" axis="0 0 1" {1}/><inertial pos="0 0 0" mass="1" '
         f'diaginertia="{J} {J} {J}"/></body>'
     )
     xml = (
-        f'<mujoco><option timestep="0.0002" gravity="0 0 0">{option}</option><worldbody>'
+        f'<mujoco><option timestep="{timestep}" gravity="0 0 0">{option}</option><worldbody>'
         f'{body.format("ours", "")}{body.format("theirs", attributes)}</worldbody>{elements}</mujoco>'
     )
     model = engine.attach(xml, {"ours": plant}, integration).compile()
@@ -309,6 +309,33 @@ def test_gms_without_stribeck_is_a_set_of_yielding_tendons():
         integration="explicit",
     )
     assert np.ptp(ours) > 0.5, "the joint must slide"
+    assert np.abs(ours - theirs).max() < 1e-12 * np.ptp(theirs)
+
+
+def dcmotor(friction):
+    return (
+        '<actuator><dcmotor joint="theirs" input="none" motorconst="0" resistance="1" '
+        f'{friction}/></actuator>'
+    )
+
+
+def test_lugre_is_that_of_dcmotor():
+    """Theirs enters the torque one step late, which feeds the oscillation: the difference falls with the step."""
+    law = Plant.axis() + effects.LuGre(
+        stiffness=1.5, damping=1e-4, coulomb=FC, static=FS, stribeck_velocity=0.8, stribeck_exponent=2
+    )
+    elements = dcmotor(f'lugre="1.5 1e-4 {FC} {FS} 0.8"')
+    error = []
+    for h in (2e-4, 5e-5):
+        torque = stick_slip(round(1 / h), h, 1.2 * FS)
+        ours, theirs = twin("", law, torque, elements=elements, integration="explicit", timestep=h)
+        error.append(np.abs(ours - theirs).max() / np.ptp(theirs))
+    assert error[1] < 0.01 and error[1] < 0.35 * error[0]
+
+
+def test_cogging_is_that_of_dcmotor():
+    law = Plant.axis() + effects.Cogging(harmonics=[8], amplitude=[1e-3], phase=[0.4])
+    ours, theirs = twin("", law, stick_slip(5000, 2e-4), elements=dcmotor('cogging="1e-3 8 0.4"'))
     assert np.abs(ours - theirs).max() < 1e-12 * np.ptp(theirs)
 
 
