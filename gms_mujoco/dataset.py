@@ -24,6 +24,7 @@ FILE = "dataset.toml"
 KINDS = ("hinge", "slide")
 COLUMNS = (*UNITS, "current")
 OPTIONAL = ("velocity", "load", "temperature")
+_LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
     "axis": ("kind", "inertia", "encoder_counts_per_rev", "encoder_resolution", "torque_constant", "model", "joint"),
@@ -97,6 +98,8 @@ def load(path: str | Path) -> Dataset:
             record, note = _record(f"record {i}", entry, file.parent, axis)
             records.append(record)
             notes += [f"{record.name}: {note}"] if note else []
+        if not any(r.torque.any() for r in records):
+            raise DataError("torque is zero in every record; at least one must be driven")
         records, split = _split(records, [e.get("use") for e in entries])
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
@@ -246,7 +249,7 @@ def _check(table: formats.Table, columns: Mapping[str, Array]) -> None:
     if len(set(lengths.values())) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in lengths.items()))
     for key, value in columns.items():
-        bad = np.flatnonzero(~np.isfinite(value))
+        bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
         if len(bad):
             raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such)")
     if lengths["time"] < 16:
@@ -256,6 +259,8 @@ def _check(table: formats.Table, columns: Mapping[str, Array]) -> None:
     if len(back):
         i = int(back[0])
         raise DataError(f"{table.place(i + 1)}: time does not run forward ({time[i]:.9g} s, then {time[i + 1]:.9g} s)")
+    if np.ptp(columns["position"]) == 0:
+        raise DataError("position never changes; nothing can be learnt from a joint that does not move")
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:

@@ -274,6 +274,11 @@ def test_empty_and_short_files_are_named(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "run.csv", "5 samples", **{k: v[:5] for k, v in RUN.items()})
 
 
+def test_an_axis_that_never_moves_or_is_never_driven_is_refused(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD, "run.csv", "position never changes", **{**RUN, "position": np.ones(N)})
+    refuses(tmp_path, AXIS + RECORD, "torque is zero", **{**RUN, "torque": np.zeros(N)})
+
+
 def test_columns_of_different_length_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", time=TIME, torque=TIME[:50], position=TIME)
     refuses(tmp_path, AXIS + '[[record]]\nfile = "run.npz"\n', "torque has 50")
