@@ -169,6 +169,9 @@ class Plant:
                 if key not in known:
                     raise ModelError(f"{name} has no parameter {key!r}; its parameters are {listing(known)}")
             built.append(kind(**values))
+        band = _table(table, "provenance").get("bandwidth", 1.0)
+        if isinstance(band, bool) or not isinstance(band, int | float) or not 0 < band < math.inf:
+            raise ModelError(f"provenance.bandwidth must be a positive number [Hz]; {band!r} given")
         return cls(
             inertia,
             tuple(built),

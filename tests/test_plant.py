@@ -54,6 +54,7 @@ def test_a_file_of_a_plant_is_the_plant(tmp_path: Path) -> None:
         ("[effects]\nviscous = 3\n", "effects.viscous must be a table"),
         ("[axis\n", "not a readable TOML file"),
         ("[uncertainty]\ninertia = 3\n", "uncertainty"),
+        ('[provenance]\nbandwidth = "high"\n', "provenance.bandwidth"),
     ],
 )
 def test_a_wrong_file_is_named_with_what_was_expected(text: str, message: str, tmp_path: Path) -> None:
