@@ -69,8 +69,7 @@ def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
     rows = []
 
     def add(name: str, value: float, unit: str) -> None:
-        low, high = plant.uncertainty.get(name, (math.nan, math.nan))
-        interval = f"[{low:.4g}, {high:.4g}]" if math.isfinite(low + high) else ""
+        interval = _interval(value, plant.uncertainty.get(name))
         rows.append((name, f"{value:.5g}", interval, slide_unit(unit) if plant.kind == "slide" else unit))
 
     if plant.inertia is not None:
@@ -84,6 +83,15 @@ def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
             else:
                 add(f"{e.name}.{p.name}", value, p.unit)
     return rows
+
+
+def _interval(value: float, interval: tuple[float, float] | None) -> str:
+    if interval is None:
+        return ""
+    low, high = interval
+    if not high - low < 1e3 * abs(value) and value != 0:
+        return "not seen by this data"
+    return f"[{low:.4g}, {high:.4g}]"
 
 
 def _verdict(table: dict[str, Any]) -> str:
