@@ -29,15 +29,25 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
     }
     return -total;
   }
-  const double direction = gms::sign(m.displacement);
-  const double s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * level.at(direction);
-  const double decay = s > 0 ? std::exp(-c[4] * m.duration / s) : 0;
+  const double direction = gms::sign(m.displacement), scale = level.at(direction);
+  const double distance = std::fabs(m.displacement), least = c[0] * scale;
+  double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
   for (int i = 0; i < n; i++) {
     double force = direction * state[2 * i + kForce];  // grows towards `limit` in the direction of motion
     double slip = state[2 * i + kSlip];
+    const double stuck = force + scale * stiffness[i] * distance;
+    if (slip != direction && stuck <= fraction[i] * least) {
+      next[2 * i + kForce] = direction * stuck;
+      next[2 * i + kSlip] = 0;
+      total += direction * stuck;
+      continue;
+    }
+    if (s < 0) {
+      s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
+      decay = s > 0 ? std::exp(-c[4] * m.duration / s) : 0;
+    }
     const double limit = fraction[i] * s;
     if (slip != direction) {  // sticks, or has just reversed and sticks again
-      const double stuck = force + stiffness[i] * std::fabs(m.displacement);
       slip = stuck > limit ? direction : 0;
       // An element that reaches its limit inside the interval slides at it for the rest; one that the level
       // has dropped below keeps its force and relaxes.

@@ -68,7 +68,7 @@ double Joint::torque(const Motion& motion, const double* state, double* next, do
 }
 
 double Joint::implicit_torque(const Sample& now, const double* state, double h, double free_velocity,
-                              double gain) const {
+                              double gain, Search* search) const {
   constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
   const bool fresh = std::isnan(state[0]);
   const double moved = fresh ? 0 : now.position - state[0];
@@ -79,39 +79,52 @@ double Joint::implicit_torque(const Sample& now, const double* state, double h, 
   };
 
   // Friction can jump only where the displacement changes sign: look there first, from either side.
+  Search once;
+  if (!search) search = &once;
   const double still = -moved / h;
-  double a = still, f_a = force(still, kTiny), g_a = a - free_velocity - gain * f_a;
-  if (g_a > 0) {
-    f_a = force(still, -kTiny);
-    g_a = a - free_velocity - gain * f_a;
-    if (g_a <= 0) return (still - free_velocity) / gain;  // holds
+  const auto from = [&](double* f, double side) {
+    if (std::isnan(*f)) *f = force(still, side * kTiny);
+    return still - free_velocity - gain * *f;
+  };
+  double g = from(&search->forward, 1), f = search->forward;
+  if (g > 0) {
+    g = from(&search->backward, -1);
+    f = search->backward;
+    if (g <= 0) return (still - free_velocity) / gain;  // holds
   }
-  if (g_a == 0) return f_a;
+  if (g == 0) return f;
 
-  // Friction falls with velocity, so the root lies between `still` and b; where a Stribeck curve makes friction
-  // rise, b has to move further out.
-  double b = free_velocity + gain * f_a;
-  double f_b = force(b, moved + h * b), g_b = b - free_velocity - gain * f_b;
-  for (int i = 0; i < 60 && (g_b > 0) == (g_a > 0) && g_b != 0; i++) {
-    a = b, f_a = f_b, g_a = g_b;
-    b = still + 2 * (b - still);
-    f_b = force(b, moved + h * b), g_b = b - free_velocity - gain * f_b;
-  }
-
-  // False position, Anderson and Bjorck's variant (BIT 13, 1973): keeps the bracket, converges superlinearly.
-  const double tolerance = 1e-13 * (std::fabs(free_velocity - still) + std::fabs(b - still));
-  for (int i = 0; i < 60 && std::fabs(g_b) > tolerance && std::fabs(b - a) > tolerance; i++) {
-    const double c = b - g_b * (b - a) / (g_b - g_a);
-    const double f_c = force(c, moved + h * c), g_c = c - free_velocity - gain * f_c;
-    if ((g_c > 0) != (g_b > 0)) {
-      a = b, f_a = f_b, g_a = g_b;
+  // The residual g(v) = v - free_velocity - gain f has the sign of `g` at a, the other sign from b on, since
+  // friction falls with velocity; where a Stribeck curve makes it rise, b has to move out. In between: secant steps,
+  // bisection where they leave the bracket or are slow.
+  const bool negative = g < 0;
+  double a = still, b = free_velocity + gain * f, last = still, g_last = g;
+  bool closed = false;
+  const double tolerance = 1e-12 * (std::fabs(free_velocity - still) + std::fabs(b - still));
+  const double guess = search->velocity;
+  double v = (guess - a) * (guess - b) < 0 ? guess : b;
+  for (int i = 0; i < 100; i++) {
+    f = force(v, moved + h * v);
+    g = v - free_velocity - gain * f;
+    if (std::fabs(g) <= tolerance) break;
+    if ((g < 0) == negative) {
+      a = v;
+      if (!closed && v == b) b = still + 2 * (b - still);
     } else {
-      const double m = 1 - g_c / g_b;
-      g_a *= m > 0 ? m : 0.5;
+      b = v;
+      closed = true;
     }
-    b = c, f_b = f_c, g_b = g_c;
+    if (std::fabs(b - a) <= tolerance) break;
+    const double slope = i == 0 && search->slope > 0 && v == guess ? search->slope : (g - g_last) / (v - last);
+    const double next = v - g / slope;
+    if (slope > 0) search->slope = slope;
+    last = v;
+    g_last = g;
+    const bool inside = (next - a) * (next - b) < 0;
+    v = inside && i % 4 != 3 ? next : closed ? 0.5 * (a + b) : b;
   }
-  return f_b;
+  search->velocity = v;
+  return f;
 }
 
 double Joint::slope(double h) const {

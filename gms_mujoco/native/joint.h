@@ -49,7 +49,13 @@ class Joint {
   //   v = free_velocity + gain f,  f in f(q + h v, v),
   // where free_velocity is the velocity at the end of the step without f, and gain = h / inertia. A static law
   // is set-valued where the displacement is zero: there the joint holds, with whatever torque that takes.
-  double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain) const;
+  // `search` carries what one search knows to the next at the same `now`, with another free velocity.
+  struct Search {
+    double forward = std::nan(""), backward = std::nan("");  // torque at the onset of motion either way
+    double velocity = std::nan(""), slope = 0;               // the last root and the slope of the residual there
+  };
+  double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain,
+                         Search* search = nullptr) const;
 
   // Change of torque per change of velocity over a step of length h from the virgin state, k h + sigma
   // [N m s/rad]; very large for a static law. An explicit step is stable while h * slope / inertia < 4 (with a

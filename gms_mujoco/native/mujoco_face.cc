@@ -72,6 +72,7 @@ struct Group {
   int n_implicit = 0;
   std::vector<Instance*> active;
   std::vector<double> rhs, solution, free, torque, push;
+  std::vector<Joint::Search> search;
 };
 
 struct Handle {  // what plugin_data points to
@@ -200,6 +201,8 @@ void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
   for (int i = 0; i < n; i++) {
     const Instance& x = *g->active[i];
     free[i] = d->qvel[x.dof] + h * acceleration[x.dof];
+    g->search[i] = Joint::Search();
+    g->search[i].velocity = d->qvel[x.dof];
     f[i] = push[i] = n == 1 ? 0 : x.joint.torque(x.now(d), x.state(m, d), nullptr);
   }
   for (int sweep = 0; sweep < 100; sweep++) {
@@ -215,7 +218,7 @@ void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
       double gain = h * response[x.dof];
       v = (v + gain * damping * v_now) / (1 + gain * damping);
       gain /= 1 + gain * damping;
-      const double torque = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain);
+      const double torque = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain, &g->search[i]);
       push[i] = torque - damping * (v + gain * torque - v_now);
       change = std::max(change, std::fabs(torque - f[i]));
       largest = std::max(largest, std::fabs(torque));
@@ -267,6 +270,7 @@ int init(const mjModel* m, mjData* d, int id) {
       g.rhs.resize((n + 1) * m->nv);
       g.solution.resize((n + 1) * m->nv);
       for (std::vector<double>* v : {&g.free, &g.torque, &g.push}) v->resize(n);
+      g.search.resize(n);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
     } else {
       report(m, id, wrong, message);
