@@ -51,8 +51,10 @@ constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};
 constexpr int kMessage = 600;
 
 // After the joint's own state, in plugin_state: the torque that qfrc_passive contains now; whether the joint has
-// not moved since the reset; what qfrc_passive was without us; what we wrote there.
-enum { kTorque = 0, kFresh, kBase, kSum, kBookkeeping };
+// not moved since the reset; what qfrc_passive was without us; what we wrote there; where the next evaluation
+// starts from: the torque that the last advance found and the velocity it found it at, or for an implicit joint
+// the torque of the last step.
+enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kBookkeeping };
 
 struct Instance {
   Joint joint;
@@ -203,7 +205,7 @@ void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
     free[i] = d->qvel[x.dof] + h * acceleration[x.dof];
     g->search[i] = Joint::Search();
     g->search[i].velocity = d->qvel[x.dof];
-    f[i] = push[i] = n == 1 ? 0 : x.joint.torque(x.now(d), x.state(m, d), nullptr);
+    f[i] = push[i] = x.book(m, d)[kAhead];
   }
   for (int sweep = 0; sweep < 100; sweep++) {
     double change = 0, largest = 0;
@@ -303,7 +305,7 @@ void compute(const mjModel* m, mjData* d, int id, int) {
   const Instance& x = h->instance;
   if (&x == g.instances.front()) choose_integration(m, &g);
   if (!x.asleep(m, d)) {
-    double *state = x.state(m, d), *book = x.book(m, d);
+    double *state = x.state(m, d), *book = state + x.joint.n_state();
     const gms::Sample now = x.now(d);
     // Setting a position after a reset, or turning time back, is no motion.
     if (now.time < state[1]) book[kFresh] = 1;
@@ -311,8 +313,16 @@ void compute(const mjModel* m, mjData* d, int id, int) {
       state[0] = now.position;
       state[1] = now.time;
     }
-    book[kBase] = book[kSum] = d->qfrc_passive[x.dof];
-    apply(x, m, d, x.implicit ? book[kTorque] : x.joint.torque(now, state, nullptr));
+    double f = book[kTorque];
+    if (!x.implicit) {  // as a rule the last advance has evaluated just this
+      const bool known = !book[kFresh] && now.position == state[0] && now.time == state[1] &&
+                         now.velocity == book[kAheadVelocity];
+      f = known ? book[kAhead] : x.joint.torque(now, state, nullptr);
+    }
+    double* total = d->qfrc_passive + x.dof;
+    book[kTorque] = f;
+    book[kBase] = *total;
+    *total = book[kSum] = book[kBase] + f;
   }
   if (&x == g.instances.back() && g.n_implicit > 0 && !callback_follows(m)) {
     double* bias = g.solution.data();  // free until the system is solved
@@ -326,14 +336,16 @@ void compute(const mjModel* m, mjData* d, int id, int) {
 // The motion over the step has happened: the state moves on to where the joint is now.
 void advance(const mjModel* m, mjData* d, int id) {
   const Instance& x = handle(d, id)->instance;
-  double *state = x.state(m, d), next[Joint::kMaxState];
+  double *state = x.state(m, d), *book = state + x.joint.n_state(), next[Joint::kMaxState];
   if (x.asleep(m, d)) {
     if (!std::isnan(state[1])) state[1] = d->time;
     return;
   }
-  x.joint.torque(x.now(d), state, next);
+  const double ahead = x.joint.torque(x.now(d), state, next);
+  book[kAhead] = x.implicit ? book[kTorque] : ahead;
+  book[kAheadVelocity] = d->qvel[x.dof];
+  book[kFresh] = 0;
   std::copy(next, next + x.joint.n_state(), state);
-  x.book(m, d)[kFresh] = 0;
 }
 
 }  // namespace
