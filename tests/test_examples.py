@@ -1,0 +1,22 @@
+"""The figures that the examples print."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+
+import free_response
+
+
+@pytest.mark.parametrize(("run", "turned", "speed"), [("pulse", 1.17, 15.4), ("hand_spin", 0.55, 7.6)])
+def test_free_response_reproduces_the_case_study(run, turned, speed):
+    r = getattr(free_response, run)()
+    assert r.turned == pytest.approx(turned, rel=0.02)
+    assert r.peak_speed == pytest.approx(speed, rel=0.02)
+    assert np.ptp(r.drag) < 0.05 * r.drag.mean(), "near-constant drag while turning"
+    f = r.frequencies
+    assert f.min() > 10 and f.max() < 100, "tens of Hz"
+    assert (np.diff(f) > -0.05).all() and f[4] > 1.2 * f[0], "the period shrinks as the shaft stops"
