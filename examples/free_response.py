@@ -18,7 +18,7 @@ from gms_mujoco import engine
 from gms_mujoco.plant import Plant
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
-TORQUE_CONSTANT = 0.1929  # N m/A, from the figures of the pulse: see models/servo_axis.toml
+TORQUE_CONSTANT = 0.1916  # N m/A, from the figures of the pulse: see models/servo_axis.toml
 STEP = 1e-4  # s
 
 
@@ -84,9 +84,9 @@ def pulse() -> Response:
 
 
 def hand_spin() -> Response:
-    """A push by hand: assumed a half sine of 122.7 ms that reaches the paper's peak speed, then nothing."""
+    """A push by hand: assumed a half sine of 120.2 ms that reaches the paper's peak speed, then nothing."""
     t = np.arange(round(0.6 / STEP)) * STEP
-    return run(np.where(t < 0.1227, 7.92e-3 * np.sin(np.pi * t / 0.1227), 0.0), 0.1227)
+    return run(np.where(t < 0.1202, 7.85e-3 * np.sin(np.pi * t / 0.1202), 0.0), 0.1202)
 
 
 def main() -> None:
@@ -112,9 +112,10 @@ def draw(runs: dict[str, tuple[Response, float, float]], path: str) -> None:
         column[0].set(title=name, ylabel="position [rad]")
         column[1].plot(r.time, r.velocity)
         column[1].set(ylabel="velocity [rad/s]", xlabel="time [s]")
-        rest = r.time > r.time[r.velocity > 0.02 * r.peak_speed][-1] - 0.02
+        stop = r.time[(r.time > r.release) & (r.velocity < 0)][0]
+        rest = r.time > stop - 0.01
         column[2].plot(r.time[rest], (r.position[rest] - r.turned) * 1e3)
-        column[2].set(ylabel="at rest [mrad]", xlabel="time [s]", xlim=(r.time[rest][0], r.time[rest][0] + 0.2))
+        column[2].set(ylabel="at rest [mrad]", xlabel="time [s]", xlim=(stop - 0.01, stop + 0.2))
     figure.savefig(path, dpi=120)
 
 

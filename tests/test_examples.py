@@ -19,4 +19,4 @@ def test_free_response_reproduces_the_case_study(run, turned, speed):
     assert np.ptp(r.drag) < 0.05 * r.drag.mean(), "near-constant drag while turning"
     f = r.frequencies
     assert f.min() > 10 and f.max() < 100, "tens of Hz"
-    assert (np.diff(f) > -0.05).all() and f[4] > 1.2 * f[0], "the period shrinks as the shaft stops"
+    assert (np.diff(f) > -0.05).all() and f[-1] > 1.5 * f[0], "the period shrinks as the shaft stops"
