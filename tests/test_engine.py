@@ -175,6 +175,25 @@ def test_gms_holds_without_creep(integrator):
     assert abs(q[-1] - q[-1 - 10 * period]) < 1e-9 * np.ptp(q)
 
 
+@pytest.mark.parametrize("timestep", [1e-4, 5e-4, 2e-3, 5e-3])
+def test_hold_test_of_the_peers(timestep):
+    """Break-away 0.34 N m under 0.15 + 0.10 sin(2 pi 5 t) N m, after the transient: MuJoCo's frictionloss creeps
+    by 23,563 urad/s, its LuGre by 2,440 urad/s."""
+    law = effects.GMS(
+        stiffness=[40, 20, 10, 5], fraction=[0.1, 0.2, 0.3, 0.4], coulomb=0.28, static=0.34, stribeck_velocity=0.1,
+        attraction=10.0,
+    )
+    xml = AXIS.replace(str(J), "1e-3")
+    spec = engine.attach(xml, {"shaft": Plant.axis() + law + effects.Viscous(coefficient=0.02)})
+    spec.option.timestep = timestep
+    model = spec.compile()
+    period = round(0.2 / timestep)
+    load = 0.15 + 0.10 * np.sin(2 * np.pi * np.arange(20 * period) / period)
+    q = run(model, mujoco.MjData(model), load)[:, 1]
+    creep = abs(q[-1] - q[-1 - 5 * period]) / 1.0  # rad/s
+    assert creep < 1e-9
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
 @pytest.mark.parametrize("wh", [3.0, 100.0])
 def test_stiff_joint_is_bounded_under_every_integrator(integrator, wh):
@@ -384,6 +403,25 @@ def test_arm_with_stiff_joints_is_held_by_dry_friction(integrator):
     start = data.qpos.copy()
     mujoco.mj_step(model, data, 1000)
     assert np.abs(data.qpos - start).max() < 1e-7
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_joint_limits_and_contacts_beside_friction(arm_plant, integration):
+    """Driven against its limits and onto the floor the arm stays finite, and friction within its level."""
+    model = engine.attach(MODELS / "arm.xml", {"*": arm_plant}, integration).compile()
+    model.geom_contype[-1] = model.geom_conaffinity[-1] = 1  # the hand touches the floor
+    data = mujoco.MjData(model)
+    touched = 0
+    for k in range(1500):
+        data.ctrl[:] = [60, 60, 30, 60, 15, 15, 15] if k < 1000 else 0
+        mujoco.mj_step(model, data)
+        touched = max(touched, data.ncon + int(data.nefc > 0))
+        for name in ("shoulder_lift", "wrist_roll"):
+            reading = engine.friction(model, data, name)
+            assert np.abs(reading.states["gms"][::2].sum()) <= 5.0 * (1 + 1e-12)
+    assert touched, "nothing was touched"
+    assert not any(w.number for w in data.warning)
+    assert (np.abs(data.qvel) < 0.5).all()
 
 
 def test_several_joints_models_and_data_at_once(arm_plant):

@@ -73,7 +73,7 @@ struct Group {
   std::vector<Instance*> instances;
   int n_implicit = 0;
   std::vector<Instance*> active;
-  std::vector<double> rhs, solution, free, torque, push;
+  std::vector<double> rhs, solution, free, torque, push, solved;
   std::vector<Joint::Search> search;
 };
 
@@ -199,34 +199,32 @@ void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
   // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
   const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
                       !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
-  double *free = g->free.data(), *f = g->torque.data(), *push = g->push.data();
+  double* response = tau;  // n x n: change of velocity of one joint by the torque on another
+  double *free = g->free.data(), *f = g->torque.data(), *push = g->push.data(), *solved = g->solved.data();
   for (int i = 0; i < n; i++) {
     const Instance& x = *g->active[i];
     free[i] = d->qvel[x.dof] + h * acceleration[x.dof];
     g->search[i] = Joint::Search();
     g->search[i].velocity = d->qvel[x.dof];
     f[i] = push[i] = x.book(m, d)[kAhead];
+    for (int j = 0; j < n; j++) response[i * n + j] = h * acceleration[(i + 1) * nv + g->active[j]->dof];
   }
-  for (int sweep = 0; sweep < 100; sweep++) {
-    double change = 0, largest = 0;
+  for (int sweep = 0, changed = 1; sweep < 100 && changed; sweep++) {
+    changed = 0;
     for (int i = 0; i < n; i++) {
       const Instance& x = *g->active[i];
-      const double* response = acceleration + (i + 1) * nv;
-      double v = free[i];
-      for (int j = 0; j < n; j++) {
-        if (j != i) v += h * response[g->active[j]->dof] * push[j];
-      }
+      const double* row = response + i * n;
+      double v = free[i], gain = row[i];
+      for (int j = 0; j < n; j++) v += j == i ? 0 : row[j] * push[j];
+      if (sweep > 0 && std::fabs(v - solved[i]) <= 1e-9 * gain * std::fabs(f[i])) continue;
+      changed = n > 1;
+      solved[i] = v;
       const double damping = damped ? m->dof_damping[x.dof] : 0, v_now = d->qvel[x.dof];
-      double gain = h * response[x.dof];
       v = (v + gain * damping * v_now) / (1 + gain * damping);
       gain /= 1 + gain * damping;
-      const double torque = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain, &g->search[i]);
-      push[i] = torque - damping * (v + gain * torque - v_now);
-      change = std::max(change, std::fabs(torque - f[i]));
-      largest = std::max(largest, std::fabs(torque));
-      f[i] = torque;
+      f[i] = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain, &g->search[i]);
+      push[i] = f[i] - damping * (v + gain * f[i] - v_now);
     }
-    if (n == 1 || change <= 1e-10 * largest) break;
   }
   for (int i = 0; i < n; i++) apply(*g->active[i], m, d, f[i]);
 }
@@ -271,7 +269,7 @@ int init(const mjModel* m, mjData* d, int id) {
       g.active.reserve(n);
       g.rhs.resize((n + 1) * m->nv);
       g.solution.resize((n + 1) * m->nv);
-      for (std::vector<double>* v : {&g.free, &g.torque, &g.push}) v->resize(n);
+      for (std::vector<double>* v : {&g.free, &g.torque, &g.push, &g.solved}) v->resize(n);
       g.search.resize(n);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
     } else {
