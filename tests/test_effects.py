@@ -109,10 +109,11 @@ def test_zero_memory_is_never_moved(name, motion):
 def test_modulating_effects_scale_the_friction_laws(name, motion):
     kind = effects.find(name)
     law = effects.Coulomb(coulomb=1.0)
-    alone = (Plant.axis() + law).joint().replay(*motion).torque
+    load = np.ones(len(motion[0]))
+    alone = (Plant.axis() + law).joint().replay(*motion, load).torque
     if name == "coulomb":
         return
-    parts = (Plant.axis() + law + example(name)).joint().replay(*motion, parts=True).parts
+    parts = (Plant.axis() + law + example(name)).joint().replay(*motion, load, parts=True).parts
     assert kind.modulates == (not np.array_equal(parts[:, 0], alone))
 
 

@@ -228,6 +228,20 @@ def test_holds_against_an_external_wrench():
     assert abs(data.qpos[0]) < 1e-15
 
 
+@INTEGRATIONS
+def test_load_dependent_friction_follows_the_torque_of_the_actuators(integration, callback):
+    plant = Plant.axis() + effects.Coulomb(coulomb=1e-3) + effects.LoadDependentFriction(coefficient=100.0)
+    model, data = axis(plant, integration)
+    data.qvel[0] = 50.0
+    for k in range(300):
+        data.ctrl[0] = 3e-3 * np.sin(0.1 * k)
+        mujoco.mj_step(model, data)
+        if k > 1:
+            level = 1e-3 * (1 + 100 * abs(data.ctrl[0]))
+            late = 1e-3 * (1 + 100 * abs(3e-3 * np.sin(0.1 * (k - 1))))  # a static law keeps the last level
+            assert -data.qfrc_passive[0] == pytest.approx(level if integration == "implicit" else late)
+
+
 def test_setting_the_position_after_a_reset_is_no_motion():
     model, data = axis()
     for q in (0.0, 1.0, -2.0):

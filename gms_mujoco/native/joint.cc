@@ -140,4 +140,11 @@ double Joint::slope(double h) const {
   return largest;
 }
 
+bool Joint::reads_load() const {
+  double state[kMaxState];
+  reset(state);
+  const double light = torque(Motion{1, 1, 1, 1, 1, 0, 0}, state, nullptr, nullptr);
+  return torque(Motion{1, 1, 1, 1, 1, 1, 0}, state, nullptr, nullptr) != light;
+}
+
 }  // namespace gms

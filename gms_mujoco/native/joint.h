@@ -62,6 +62,9 @@ class Joint {
   // spring alone; 2 with viscous drag alone) and is the more accurate one below about 1.
   double slope(double h) const;
 
+  // Whether the torque depends on the load.
+  bool reads_load() const;
+
  private:
   double torque(const Motion& motion, const double* state, double* next, double* parts) const;
 

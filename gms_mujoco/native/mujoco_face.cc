@@ -3,7 +3,8 @@
 // One instance is the friction of one joint. Parameters come from its <config>, state lives in plugin_state, so
 // that reset, copies, mj_getState, rollouts, saved models and finite differences work as for MuJoCo's own state.
 //
-// Explicit joints take their torque at the position of the step. Implicit joints (see Joint::slope) solve all
+// Explicit joints take their torque at the position of the step, without a load. Late joints wait for the torque of
+// the actuators: those whose friction depends on it, and implicit ones. Implicit joints (see Joint::slope) solve all
 // together for the velocities at the end of the step, with the net torque of this step: the control callback
 // does so when the controls are known; without it the last instance does, from the controls as they stand.
 //
@@ -59,19 +60,22 @@ enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kBookkeeping };
 struct Instance {
   Joint joint;
   int id = -1, dof = -1, qpos = -1, integration = 0;
-  bool implicit = false;
+  bool implicit = false, reads_load = false;
   double timestep = -1, weight = -1;  // for which `implicit` was chosen
 
   double* state(const mjModel* m, mjData* d) const { return d->plugin_state + m->plugin_stateadr[id]; }
   double* book(const mjModel* m, mjData* d) const { return state(m, d) + joint.n_state(); }
-  gms::Sample now(const mjData* d) const { return {d->time, d->qpos[qpos], d->qvel[dof]}; }
+  bool late() const { return implicit || reads_load; }
+  gms::Sample now(const mjData* d) const {
+    return {d->time, d->qpos[qpos], d->qvel[dof], reads_load ? d->qfrc_actuator[dof] : 0};
+  }
   bool asleep(const mjModel* m, const mjData* d) const { return d->tree_asleep[m->dof_treeid[dof]] >= 0; }
 };
 
 // All instances of one mjData, and room to work in. Owned by its instances together.
 struct Group {
   std::vector<Instance*> instances;
-  int n_implicit = 0;
+  int n_late = 0;
   std::vector<Instance*> active;
   std::vector<double> rhs, solution, free, torque, push, solved;
   std::vector<Joint::Search> search;
@@ -127,7 +131,9 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
     return "integration must be auto, explicit or implicit; '" + integration + "' given";
   }
   out->integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
-  return gms::read_effects(config(m, id), &out->joint);
+  const std::string wrong = gms::read_effects(config(m, id), &out->joint);
+  if (wrong.empty()) out->reads_load = out->joint.reads_load();
+  return wrong;
 }
 
 // MuJoCo leaves through mju_error without unwinding: nothing that owns memory may be alive by then.
@@ -148,7 +154,7 @@ void apply(const Instance& x, const mjModel* m, mjData* d, double f) {
 
 void choose_integration(const mjModel* m, Group* g) {
   const double h = m->opt.timestep;
-  g->n_implicit = 0;
+  g->n_late = 0;
   for (Instance* x : g->instances) {
     const double weight = m->dof_invweight0[x->dof];
     if (x->timestep != h || x->weight != weight) {
@@ -156,18 +162,22 @@ void choose_integration(const mjModel* m, Group* g) {
       x->weight = weight;
       x->implicit = x->integration == 2 || (x->integration == 0 && h * weight * x->joint.slope(h) > 1);
     }
-    g->n_implicit += x->implicit;
+    g->n_late += x->late();
   }
 }
 
-// Backward-Euler torque of all implicit joints together: v+ = v + h M^-1 (tau + f(v+)), by Gauss-Seidel over the
-// joints. `bias` is qfrc_bias; actuator forces must be up to date.
-void solve_implicit(const mjModel* m, mjData* d, Group* g, const double* bias) {
+// Torque of all late joints. Of the implicit ones together, by backward Euler, v+ = v + h M^-1 (tau + f(v+)), with
+// Gauss-Seidel over the joints. `bias` is qfrc_bias; actuator forces must be up to date.
+void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias) {
   const double h = m->opt.timestep;
   const int nv = m->nv;
   g->active.clear();
   for (Instance* x : g->instances) {
-    if (!x->implicit || x->asleep(m, d)) continue;
+    if (!x->late() || x->asleep(m, d)) continue;
+    if (!x->implicit) {
+      apply(*x, m, d, x->joint.torque(x->now(d), x->state(m, d), nullptr));
+      continue;
+    }
     // Between the anchor and the end of the step are the stages of RK4: they keep the torque of the first.
     const double anchor = x->state(m, d)[1];
     if (d->time > anchor) continue;
@@ -311,8 +321,8 @@ void compute(const mjModel* m, mjData* d, int id, int) {
       state[0] = now.position;
       state[1] = now.time;
     }
-    double f = book[kTorque];
-    if (!x.implicit) {  // as a rule the last advance has evaluated just this
+    double f = book[kTorque];  // of a late joint, until it is known better
+    if (!x.late()) {  // as a rule the last advance has evaluated just this
       const bool known = !book[kFresh] && now.position == state[0] && now.time == state[1] &&
                          now.velocity == book[kAheadVelocity];
       f = known ? book[kAhead] : x.joint.torque(now, state, nullptr);
@@ -322,12 +332,12 @@ void compute(const mjModel* m, mjData* d, int id, int) {
     book[kBase] = *total;
     *total = book[kSum] = book[kBase] + f;
   }
-  if (&x == g.instances.back() && g.n_implicit > 0 && !callback_follows(m)) {
+  if (&x == g.instances.back() && g.n_late > 0 && !callback_follows(m)) {
     double* bias = g.solution.data();  // free until the system is solved
     std::fill(bias, bias + m->nv, 0.0);
     engine.mj_rne(m, d, 0, bias);
     engine.mj_fwdActuation(m, d);
-    solve_implicit(m, d, &g, bias);
+    evaluate_late(m, d, &g, bias);
   }
 }
 
@@ -350,13 +360,13 @@ void advance(const mjModel* m, mjData* d, int id) {
 
 // ------------------------------------------------------------------------------------------ what Python calls
 
-// For mujoco.set_mjcb_control, or at the end of another control callback: evaluates implicit joints with the
-// controls of this step. Does nothing in models without our plug-in.
+// For mujoco.set_mjcb_control, or at the end of another control callback: evaluates late joints with the controls
+// of this step. Does nothing in models without our plug-in.
 GMS_API void gms_control(const mjModel* m, mjData* d) {
   Handle* first = first_handle(m, d, static_cast<int>(m->nplugin));
-  if (!first || first->group->n_implicit == 0) return;
+  if (!first || first->group->n_late == 0) return;
   engine.mj_fwdActuation(m, d);
-  solve_implicit(m, d, first->group.get(), d->qfrc_bias);
+  evaluate_late(m, d, first->group.get(), d->qfrc_bias);
 }
 
 // Names of the symbols of libmujoco that gms_engine_init takes the addresses of, in this order.

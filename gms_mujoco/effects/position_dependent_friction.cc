@@ -1,0 +1,34 @@
+#include "effect.h"
+
+namespace {
+
+void modulate(const double* p, int n, const gms::Motion& m, gms::Level& level) {
+  const double *harmonics = p, *amplitude = p + n, *phase = p + 2 * n;
+  double factor = 1;
+  for (int i = 0; i < n; i++) factor += amplitude[i] * std::sin(harmonics[i] * m.position + phase[i]);
+  if (factor < 0) factor = 0;
+  level.forward *= factor;
+  level.backward *= factor;
+}
+
+}  // namespace
+
+extern const gms::Effect gms_effect_position_dependent_friction;
+const gms::Effect gms_effect_position_dependent_friction = {
+    "position_dependent_friction",
+    "PositionDependentFriction",
+    "friction",
+    "Friction that varies along the revolution: the level of every friction law of the joint is multiplied by\n"
+    "1 + sum_i a_i sin(n_i q + phi_i), n_i whole numbers per revolution: a bent shaft, an eccentric gear, a seal.\n"
+    "Source: position-dependent friction terms, Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994).",
+    "The torque error is a sine of position that changes sign with the direction of motion.",
+    "Slow constant-velocity runs over a whole revolution in both directions.",
+    {{"harmonics", "1", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
+     {"amplitude", "1", 0, 0, 1, true, true, "a_i, relative to the level"},
+     {"phase", "rad", 0, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"}},
+    nullptr,
+    nullptr,
+    nullptr,
+    modulate,
+    nullptr,
+};
