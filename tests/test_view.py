@@ -90,7 +90,8 @@ def test_page_stands_alone_and_tells_everything(told: Told) -> None:
 
 def test_parameters_show_their_interval_and_unit() -> None:
     plant = Plant.axis(2.0, "slide") + effects.find("coulomb")(coulomb=20.0)
-    rows = report.parameter_rows(replace(plant, uncertainty={"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}))
+    intervals = {"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}
+    rows = report.parameter_rows(replace(plant, uncertainty=intervals))
     assert rows == [("inertia", "2", "not seen by this data", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
 
 
