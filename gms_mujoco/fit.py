@@ -17,7 +17,7 @@ from .noise import choose_bandwidth, estimate_noise, floor_residual
 from .plant import Plant
 from .record import Record
 from .scales import Scales
-from .starts import starts
+from .starts import LONGEST_BREAK_AWAY, starts, weighted_median
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -46,6 +46,7 @@ class Misfit:
     @property
     def bounds(self) -> tuple[Array, Array]:
         lower, upper = self.coordinates.bounds
+        lower = np.maximum(lower, self._softest)
         ones = np.ones(self.n_memory * len(self.observations))
         return np.append(lower, -ones), np.append(upper, ones)
 
@@ -114,6 +115,27 @@ class Misfit:
                 step = 1e-6 if moved[k] < 1 else -1e-6
                 moved[k] += step
                 out[rows, n + i * self.n_memory + k] = (self._one(plant, i, moved) - part) / step
+        return out
+
+    def reach(self, x: Array) -> Array:
+        """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""
+        n = self.coordinates.size
+        near = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 0.5)
+        return np.append(near, np.full(self.size - n, 0.5))
+
+    @cached_property
+    def _softest(self) -> Array:
+        """Lower bound of each coordinate that keeps the elements of `gms` slipping, not merely springs."""
+        out = np.full(self.coordinates.size, -np.inf)
+        template = self.coordinates.template
+        if "gms" in template:
+            gms = template["gms"]
+            stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * gms.coulomb
+            longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
+            softest = np.log(np.minimum(stiffness, level.mean() / longest))
+            for i, label in enumerate(self.coordinates.labels):
+                if label.startswith("gms.stiffness"):
+                    out[i] = softest[int(label[14:-1] or 0)] if "[" in label else softest[0]
         return out
 
     @cached_property

@@ -30,13 +30,13 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
     return -total;
   }
   const double direction = gms::sign(m.displacement), scale = level.at(direction);
-  const double distance = std::fabs(m.displacement), least = c[0] * scale;
+  const double distance = std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
   double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
   for (int i = 0; i < n; i++) {
     double force = direction * state[2 * i + kForce];  // grows towards `limit` in the direction of motion
     double slip = state[2 * i + kSlip];
     const double stuck = force + scale * stiffness[i] * distance;
-    if (slip != direction && stuck <= fraction[i] * least) {
+    if (slip != direction && stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
       next[2 * i + kForce] = direction * stuck;
       next[2 * i + kSlip] = 0;
       total += direction * stuck;
@@ -52,6 +52,10 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
       // An element that reaches its limit inside the interval slides at it for the rest; one that the level
       // has dropped below keeps its force and relaxes.
       force = slip == 0 ? stuck : force > limit ? force : limit;
+      if (stuck < -fraction[i] * most) {  // what modulates friction no longer lets it carry its force: gives way
+        slip = direction;
+        force = -fraction[i] * most;
+      }
     }
     if (slip != 0) force = limit + (force - limit) * decay;
     next[2 * i + kForce] = direction * force;

@@ -29,8 +29,9 @@ struct Motion {
   double rate() const { return duration > 0 ? displacement / duration : velocity; }
 };
 
-// Multipliers of the friction level in each direction of motion. Effects that modulate friction (asymmetry,
-// load, position, temperature) write them; every friction law scales its level by `at(direction)`.
+// Multipliers of the friction in each direction of motion. Effects that modulate friction (asymmetry, load,
+// position, temperature) write them; every friction law scales by `at(direction)` what grows with the real area of
+// contact: its level and its pre-sliding stiffness.
 struct Level {
   double forward = 1;
   double backward = 1;

@@ -1,0 +1,251 @@
+"""Screening: what each effect of the catalogue could still explain, at the price of a few replays.
+
+An effect that is weak adds its tangent to the torque: the derivative by its strength at strength zero, for each
+value of its other parameters. What a joint refit would gain follows from these tangents once everything that the
+plant itself could do (its own tangents) is projected out of them; a regression on the leftover residual is not the
+same, because the plant has already bent to hide the effect (score test; Rao 1948).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import effects
+from .effect import Effect
+from .fit import Misfit, block_sums
+from .inverse import Observation
+from .parameter import Parameter
+from .plant import Plant
+from .scales import Scales
+
+Array = NDArray[np.float64]
+
+BLOCK = 0.5  # s; residuals further apart than this are taken as independent
+FOLDS = 5
+_ORDERS = 48  # harmonics tried per revolution
+_SPREAD = (0.1, 1.0, 10.0)  # of the typical size, for parameters that have no natural start
+_STEP = 1e-3  # of the typical strength, for the derivative
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that could be added.
+
+    Attributes:
+        effect: with the values from which a joint fit starts.
+        gain: share of the squared residual that it explains, after a joint linear refit.
+        held_out: (blocks,) squared residual of each block, predicted without that block [N^2 m^2].
+        tangents: (m, k) what it could add, with everything the plant can do projected out, orthonormal.
+    """
+
+    effect: Effect
+    gain: float
+    held_out: Array
+    tangents: Array
+
+
+class Screen:
+    """Scores effects against one fitted plant.
+
+    Every unknown of the plant may follow a candidate, but only as far as its tangent means something: unknowns
+    that the data hardly sees would otherwise take any distance and hide what they cannot really do.
+
+    Args:
+        misfit, vector: the plant's least-squares problem and its solution.
+    """
+
+    def __init__(self, misfit: Misfit, vector: Array) -> None:
+        self.misfit, self.vector = misfit, vector
+        self.plant = misfit.coordinates.decode(vector[: misfit.coordinates.size])
+        self.residual = misfit.residual(vector)
+        self.scales = Scales.of(misfit.observations)
+        self.model = LinearModel(misfit, vector, self.residual)
+        self.held_out = self.model.held_out()
+
+    def candidate(self, effect: type[Effect]) -> Candidate | None:
+        """The best way to add an effect; None where the data cannot show it (no motion, signal missing)."""
+        best: tuple[float, Effect, Array] | None = None
+        out_of_bounds: Effect | None = None
+        for shape in shapes(effect, self.scales, self.misfit.observations):
+            columns, names = self._tangents(effect, shape)
+            free = self.model.without(columns)
+            seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+            if not seen.any():
+                continue
+            strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
+            seen &= strength != 0
+            fitted = free @ strength
+            gain = float(2 * fitted @ self.model.target - fitted @ fitted)
+            if seen.any() and (best is None or gain > best[0]):
+                best = gain, _started(effect, shape, names, -strength, self.scales), columns[:, seen]
+            else:
+                out_of_bounds = out_of_bounds or _started(effect, shape, names, -strength, self.scales)
+        if best is None:
+            # It can be seen, but every strength that is allowed makes things worse.
+            empty = np.empty((len(self.model.target), 0))
+            return Candidate(out_of_bounds, 0.0, self.held_out, empty) if out_of_bounds else None
+        gain, started, columns = best
+        share = gain / max(float(self.residual @ self.residual), 1e-300)
+        free = self.model.without(columns)
+        return Candidate(started, share, self.model.held_out(columns), np.linalg.qr(free)[0])
+
+    def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
+        """(m, k) derivatives of the residual, and which strength and phase each belongs to."""
+        columns, names = [], []
+        phases = (0.0, math.pi / 2) if has_phase(effect) else (0.0,)
+        for p, phase in itertools.product(strengths(effect), phases):
+            step = _STEP * self.scales[p.unit]
+            trial = _valued(effect, {**shape, **({"phase": phase} if has_phase(effect) else {})}, {p.name: step})
+            moved = Misfit(self.plant + trial, self.misfit.observations)
+            at = np.append(moved.coordinates.encode(self.plant + trial), self.vector[self.misfit.coordinates.size :])
+            if moved.n_memory != self.misfit.n_memory:
+                at = moved.vector(self.plant + trial, self._memories(moved.n_memory))
+            columns.append((moved.residual(at) - self.residual) / step)
+            names.append((p.name, phase))
+        return np.stack(columns, 1), names
+
+    def _memories(self, n: int) -> list[Array]:
+        """The known states before each record, followed by zeros for those of a new effect."""
+        known = [self.misfit.memory(self.vector, i) for i in range(len(self.misfit.observations))]
+        return [np.append(np.empty(0) if m is None else m, np.zeros(n - self.misfit.n_memory)) for m in known]
+
+    @staticmethod
+    def _allowed(effect: type[Effect], names: Sequence[tuple[str, float]], strength: Array) -> Array:
+        """Strengths that are outside their bounds do nothing; a phase makes either sign possible."""
+        if has_phase(effect):
+            return strength
+        lower = {p.name: p.lower for p in effect.parameters}
+        return np.array([0.0 if -s < lower[name] else s for (name, _), s in zip(names, strength, strict=True)])
+
+
+def strengths(effect: type[Effect]) -> list[Parameter]:
+    """Parameters at whose zero the effect is absent."""
+    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase"]
+
+
+def has_phase(effect: type[Effect]) -> bool:
+    """Whether the effect is a harmonic with a free phase: two quadratures of one strength."""
+    return any(p.name == "phase" for p in effect.parameters)
+
+
+def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Observation]) -> Iterator[dict[str, float]]:
+    """Values to try for the parameters that are neither strengths nor phases."""
+    grids: dict[str, Sequence[float]] = {}
+    for p in effect.parameters:
+        if p.name == "phase" or not math.isnan(p.default):
+            continue
+        if p.unit == "1/rev":  # once per revolution is gravity's
+            grids[p.name] = _orders(observations)
+        else:
+            grids[p.name] = [float(np.clip(s * scales[p.unit], p.lower, p.upper)) for s in _SPREAD]
+    for values in itertools.product(*grids.values()):
+        yield dict(zip(grids, values, strict=True))
+
+
+def _orders(observations: Sequence[Observation]) -> list[float]:
+    # A harmonic that the motion does not pass through once cannot be told from a spring or an offset.
+    turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
+    return [float(n) for n in range(2, _ORDERS + 1) if n * turn >= 1]
+
+
+def _valued(effect: type[Effect], values: dict[str, float], strength: dict[str, float]) -> Effect:
+    """The effect with one element and some strengths; a parameter bounded below by one of them rises with it."""
+    bounded = {p.name: strength[p.at_least] for p in effect.parameters if p.at_least in strength}
+    merged = {**values, **bounded, **strength}
+    per_element = {p.name for p in effect.parameters if p.per_element}
+    return effect(**{k: [v] if k in per_element else v for k, v in merged.items()})
+
+
+def _started(
+    effect: type[Effect], shape: dict[str, float], names: Sequence[tuple[str, float]], value: Array, scales: Scales
+) -> Effect:
+    """The effect at the strengths that the linear refit found, never quite zero so that a fit can move them."""
+    found: dict[str, float] = {}
+    phase: dict[str, float] = {}
+    if has_phase(effect):
+        (name, _), _ = names[0], names[1]
+        found[name] = math.hypot(value[0], value[1])
+        phase["phase"] = math.atan2(value[1], value[0])
+    else:
+        table = {p.name: p for p in effect.parameters}
+        for (name, _), v in zip(names, value, strict=True):
+            p = table[name]
+            least = 1e-3 * scales[p.unit]
+            found[name] = float(np.clip(v if abs(v) > least else least, p.lower, p.upper))
+            if p.at_least:
+                found[name] = max(found[name], found.get(p.at_least, 0.0))
+    return _valued(effect, {**shape, **phase}, found)
+
+
+def _least_squares(columns: Array, target: Array, seen: NDArray[np.bool_]) -> Array:
+    """Coefficients of `target` on the columns that are seen, zero for the others."""
+    out = np.zeros(columns.shape[1])
+    size = np.sqrt((columns[:, seen] ** 2).sum(0))
+    out[seen] = np.linalg.lstsq(columns[:, seen] / size, target, rcond=1e-8)[0] / size
+    return out
+
+
+class LinearModel:
+    """A least-squares problem near its solution: residual + tangents * move, with a prior on the move.
+
+    Args:
+        misfit, vector, residual: the problem, its solution and the residual (m,) there.
+    """
+
+    def __init__(self, misfit: Misfit, vector: Array, residual: Array) -> None:
+        self.observations = misfit.observations
+        self.residual = residual
+        tangents = misfit.jacobian(vector, residual) * misfit.reach(vector)
+        self.tangents = tangents[:, (tangents**2).sum(0) > 0]
+        # In units of its reach a move is a standard normal; the residual's size is its noise.
+        self.prior = math.sqrt(float(np.mean(residual**2)))
+        self.rows = self.prior * np.eye(self.tangents.shape[1])
+        self.basis = np.linalg.qr(np.vstack([self.tangents, self.rows]))[0]
+        self.target = self._project(residual[:, None])[:, 0]
+
+    def without(self, columns: Array) -> Array:
+        """(m + p, k) columns (m, k) with what the plant's own unknowns can do projected out."""
+        return self._project(columns)
+
+    def _project(self, columns: Array) -> Array:
+        tall = np.vstack([columns, np.zeros((len(self.rows), columns.shape[1]))])
+        return tall - self.basis @ (self.basis.T @ tall)
+
+    def held_out(self, columns: Array | None = None) -> Array:
+        """(blocks,) squared residual of each block of time, predicted by a refit without the blocks of its fold.
+
+        Args:
+            columns: (m, k) tangents of what is added.
+        """
+        added = np.empty((len(self.residual), 0)) if columns is None else columns
+        size = np.sqrt(np.mean(added**2, 0)).clip(1e-300)
+        # Everything that a refit needs to know of a block is its share of the normal equations.
+        grams = _block_grams(self.observations, np.column_stack([self.tangents, added / size, self.residual]))
+        own, p = self.tangents.shape[1], grams.shape[1] - 1
+        ridge = np.diag(np.append(np.full(own, self.prior**2), np.full(p - own, 1e-9 * len(self.residual))))
+        total, fold = grams.sum(0), np.arange(len(grams)) % FOLDS
+        out = np.empty(len(grams))
+        for k in range(FOLDS):
+            rest = total - grams[fold == k].sum(0)
+            move = np.linalg.solve(rest[:p, :p] + ridge, rest[:p, p])
+            for b in np.flatnonzero(fold == k):
+                g = grams[b]
+                out[b] = g[p, p] - 2 * move @ g[:p, p] + move @ g[:p, :p] @ move
+        return out
+
+
+def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
+    """(blocks, p, p) products of the columns, summed over each block of time."""
+    ends = np.cumsum(block_sums(observations, np.ones((len(columns), 1)), BLOCK)[:, 0].astype(int))
+    return np.stack([c.T @ c for c in np.split(columns, ends[:-1])])
+
+
+def applicable(observations: Sequence[Observation], plant: Plant) -> list[type[Effect]]:
+    """The effects that could be added: not there yet, with a strength, and with the signals they need."""
+    return [e for name, e in effects.CATALOGUE.items() if name not in plant and strengths(e)]
