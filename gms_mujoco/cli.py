@@ -26,6 +26,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .compare import Comparison
+    from .diagnose import Diagnosis
 
 PROGRAM = "gms-mujoco"
 
@@ -174,7 +175,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    from .diagnose import run
+    from .diagnose import diagnose
 
     extra = files.expect_writable(options.json) if options.json else None
     plant = Plant.load(options.model) if options.model else None
@@ -183,7 +184,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         _expect_kind(plant, runs, options.model)
     folder = files.make_folder(options.output)
     with Bar() as bar:
-        result = run(runs, plant, progress=bar)
+        result = diagnose(runs, plant, progress=bar)
         _write_diagnosis(folder, result)
     if extra:
         files.write_text(extra, as_json(result.to_dict()))
@@ -267,7 +268,7 @@ def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
         raise ModelError(f"{file}: the plant is a {plant.kind} joint, the measurement set is of a {runs.kind} joint")
 
 
-def _write_diagnosis(folder: Path, diagnosis: Any) -> None:
+def _write_diagnosis(folder: Path, diagnosis: Diagnosis) -> None:
     """The five files of a diagnosis, those that other programs read first."""
     from .report import render
     from .view import write_recording

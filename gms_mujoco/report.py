@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,6 +97,8 @@ def _verdict(table: dict[str, Any]) -> str:
     verdict = str(table["verdict"])
     added = [s["effect"] for s in table["steps"] if s["effect"]]
     found = f"<p>Added: {_e(', '.join(added))}.</p>" if added else ""
+    left = table.get("remainder")
+    found += f"<p>What remains: {_e(left)}.</p>" if left else ""
     following = table.get("next_experiment")
     hint = f"<p>Measure next: {_e(following)}</p>" if following else ""
     return (
@@ -115,13 +116,14 @@ def _steps(table: dict[str, Any]) -> str:
         + "</td></tr>"
         for name, s in zip(names, table["steps"], strict=True)
     )
-    picture = figure.bars(
-        [(n, _float(s.get("validate_error"))) for n, s in zip(names, table["steps"], strict=True)],
-        table.get("noise_floor"),
-    )
+    key, which = "validate_error", "on records that decided nothing"
+    if any(s.get(key) is None for s in table["steps"]):
+        key, which = "fit_error", "on the records it was fitted to: none was held out"
+    heights = [(n, float(s[key])) for n, s in zip(names, table["steps"], strict=True)]
+    picture = figure.bars(heights, table.get("noise_floor"))
     return (
-        "<section><h2>The falling error</h2><p>Torque that the model does not account for, on records that decided "
-        f"nothing, as a share of the torque's rms.</p>{picture}<div class=wide><table><tr><th>step</th>"
+        "<section><h2>The falling error</h2><p>Torque that the model does not account for, as a share of the torque's "
+        f"rms, {which}.</p>{picture}<div class=wide><table><tr><th>step</th>"
         f"<th class=n>fit</th><th class=n>validate</th><th>evidence</th></tr>{rows}</table></div></section>"
     )
 
@@ -197,10 +199,6 @@ def _provenance(plant: Plant) -> str:
 
 def _e(text: Any) -> str:
     return html.escape(str(text))
-
-
-def _float(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) else math.nan
 
 
 def _number(value: Any) -> str:

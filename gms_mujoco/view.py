@@ -137,6 +137,8 @@ def _text(table: dict[str, Any], names: list[str]) -> str:
         lines.append(f"| {name} | {_number(s.get('fit_error'))} | {_number(s.get('validate_error'))} |")
     lines += [f"| noise floor | | {_number(table.get('noise_floor'))} |", ""]
     lines += [f"**{s['effect']}**: {s['evidence']}\n" for s in table["steps"] if s["effect"] and s.get("evidence")]
+    if table.get("remainder"):
+        lines.append(f"**What remains:** {table['remainder']}\n")
     if table.get("next_experiment"):
         lines.append(f"**Measure next:** {table['next_experiment']}")
     return "\n".join(lines)
@@ -144,11 +146,10 @@ def _text(table: dict[str, Any], names: list[str]) -> str:
 
 def _errors(stream: rr.RecordingStream, table: dict[str, Any], names: list[str]) -> None:
     """A bar per step and a line at the noise floor."""
-    rows = [(n, s.get("validate_error")) for n, s in zip(names, table["steps"], strict=True)]
-    rows = [(n, float(v)) for n, v in rows if v is not None]
+    held_out = all(s.get("validate_error") is not None for s in table["steps"])
+    errors = [s["validate_error" if held_out else "fit_error"] for s in table["steps"]]
+    rows = list(zip(names, errors, strict=True))
     floor = table.get("noise_floor")
-    if not rows:
-        return
     scale = _BOX[0] / max(*(v for _, v in rows), floor or 0.0, 1e-12)
     for i, (name, value) in enumerate(rows):
         bar, at = [[(0.0, 0.3 * i), (value * scale, 0.3 * i)]], [(0.5 * _BOX[0], 0.3 * i + 0.04)]
