@@ -36,7 +36,7 @@ def plot(curves: Sequence[Curve], x_label: str, y_label: str, width: int = 440, 
     sy = (height - _TOP - _BOTTOM) / (y1 - y0)
     body = [_axes(x0, x1, y0, y1, width, height, x_label, y_label)]
     for c in curves:
-        i = thin(c.y)
+        i = spread(len(c.y)) if c.points else thin(c.y)
         px, py = _LEFT + (c.x[i] - x0) * sx, height - _BOTTOM - (c.y[i] - y0) * sy
         where = [f"{a:.1f},{b:.1f}" for a, b in zip(px.tolist(), py.tolist(), strict=True)]
         if c.points:
@@ -81,6 +81,11 @@ def thin(values: Array, most: int = _MOST) -> NDArray[np.intp]:
     ends = np.append(edges[1:], n)
     picked = [a + f(values[a:b]) for a, b in zip(edges, ends, strict=True) for f in (np.argmin, np.argmax)]
     return np.unique(picked)
+
+
+def spread(n: int, most: int = _MOST) -> NDArray[np.intp]:
+    """Indices of at most about `most` of n samples, evenly spaced: a cloud keeps its density."""
+    return np.arange(0, n, max(-(-n // most), 1))
 
 
 def worst_stretch(residual: Array, share: float = 0.1, least: int = 100) -> slice:

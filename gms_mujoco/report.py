@@ -60,7 +60,7 @@ def render(diagnosis: Diagnosis) -> str:
 
 def step_names(table: dict[str, Any]) -> list[str]:
     """What each step of `diagnosis.json` is called on a figure."""
-    return ["baseline" if s["effect"] is None else f"with {s['effect']}" for s in table["steps"]]
+    return ["baseline" if s["effect"] is None else f"+ {s['effect']}" for s in table["steps"]]
 
 
 def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
@@ -138,7 +138,8 @@ def _figures(diagnosis: Diagnosis, table: dict[str, Any]) -> str:
     rotary = diagnosis.plant.kind == "hinge"
     torque, angle = ("torque [N m]", "rad") if rotary else ("force [N]", "m")
     parts = ["<h2>Where the models fail</h2>"]
-    for i, record in enumerate(first.records):
+    for i in worst_first(first):
+        record = first.records[i]
         shown = [(names[0], record, COLOURS[1])]
         if len(steps) > 1:
             shown.append((names[-1], last.records[i], COLOURS[2]))
@@ -156,6 +157,11 @@ def _figures(diagnosis: Diagnosis, table: dict[str, Any]) -> str:
         cells = "".join(f"<div>{p}</div>" for p in plots)
         parts.append(f'<section><h3>{_e(record.name)}</h3><div class="plots">{cells}</div></section>')
     return "".join(parts)
+
+
+def worst_first(comparison: Comparison) -> list[int]:
+    """Numbers of the records, the one that the plant explains least first."""
+    return sorted(range(len(comparison.records)), key=lambda i: -comparison.records[i].torque_error)
 
 
 def _left(record: RecordComparison) -> Any:

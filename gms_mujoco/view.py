@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from . import files
 from .errors import DataError, GmsError
-from .figure import thin, worst_stretch
-from .report import step_names
+from .figure import spread, thin, worst_stretch
+from .report import step_names, worst_first
 
 if TYPE_CHECKING:
     from .diagnose import Diagnosis
@@ -51,7 +51,8 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
         stream.save(temporary)
         stream.log("verdict", rr.TextDocument(_text(table, names), media_type="text/markdown"), static=True)
         _errors(stream, table, names)
-        tabs = [_record(stream, diagnosis, names, i) for i in range(len(_records(diagnosis)))]
+        order = worst_first(diagnosis.comparisons[0]) if diagnosis.comparisons else []
+        tabs = [_record(stream, diagnosis, names, i) for i in order]
         bounds = rrb.VisualBounds2D(x_range=[-0.2, _BOX[0] + 0.2], y_range=[-0.2, max(0.3 * len(names) + 0.2, 0.8)])
         overview = rrb.Horizontal(
             rrb.TextDocumentView(origin="verdict", name="verdict"),
@@ -127,16 +128,12 @@ def _free_port() -> int:
         return int(s.getsockname()[1])
 
 
-def _records(diagnosis: Diagnosis) -> list[Any]:
-    return list(diagnosis.comparisons[0].records) if diagnosis.comparisons else []
-
-
 def _text(table: dict[str, Any], names: list[str]) -> str:
     lines = [f"# {str(table['verdict']).replace('_', ' ')}", "", "| step | fit | validate |", "|---|---|---|"]
     for name, s in zip(names, table["steps"], strict=True):
         lines.append(f"| {name} | {_number(s.get('fit_error'))} | {_number(s.get('validate_error'))} |")
     lines += [f"| noise floor | | {_number(table.get('noise_floor'))} |", ""]
-    lines += [f"**{s['effect']}**: {s['evidence']}\n" for s in table["steps"] if s["effect"] and s.get("evidence")]
+    lines += [f"{s['evidence']}\n" for s in table["steps"] if s["effect"] and s.get("evidence")]
     if table.get("remainder"):
         lines.append(f"**What remains:** {table['remainder']}\n")
     if table.get("next_experiment"):
@@ -219,7 +216,7 @@ def _drawing(
     high = np.array([x.max(), max(y.max() for _, y, _ in curves)])
     span = np.where(high > low, high - low, 1.0)
     for name, y, colour in curves:
-        i = np.arange(len(y)) if lines and len(y) <= _MOST else thin(y, _MOST)
+        i = thin(y, _MOST) if lines else spread(len(y), _MOST)
         at = (np.column_stack([x[i], y[i]]) - low) / span * _BOX
         at[:, 1] = _BOX[1] - at[:, 1]  # rerun's y points down
         line, cloud = rr.LineStrips2D([at], colors=[colour], radii=_THIN), rr.Points2D(at, colors=[colour], radii=-1.2)

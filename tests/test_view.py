@@ -68,10 +68,10 @@ def test_recording_reads_back_with_its_signals(told: Told, tmp_path: Path) -> No
         rows[chunk.entity_path] = max(rows.get(chunk.entity_path, 0), chunk.num_rows)
     samples = len(told.comparisons[0].records[0].time)
     root = "/records/validate.csv"
-    for entity in ("torque/measured", "torque/baseline", "torque/with_viscous", "residual/with_viscous"):
+    for entity in ("torque/measured", "torque/baseline", "torque/viscous", "residual/viscous"):
         assert rows[f"{root}/{entity}"] == min(samples, len(figure.thin(np.zeros(samples), 4000)))
     assert {"/verdict", "/errors/0", "/errors/1", "/errors/floor", f"{root}/loop/measured"} <= set(rows)
-    assert {f"{root}/over_position/baseline", f"{root}/over_velocity/with_viscous"} <= set(rows)
+    assert {f"{root}/over_position/baseline", f"{root}/over_velocity/viscous"} <= set(rows)
 
 
 def test_recording_without_a_place_leaves_nothing(told: Told, tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_recording_without_a_place_leaves_nothing(told: Told, tmp_path: Path) ->
 def test_page_stands_alone_and_tells_everything(told: Told) -> None:
     page = report.render(told)
     assert not re.search(r'(src|href)\s*=|url\(|@import|<script', page)
-    for text in ("partly explained", "with viscous", "quadratic_drag", "&lt;grows&gt;", "faster &amp; longer"):
+    for text in ("partly explained", "+ viscous", "quadratic_drag", "&lt;grows&gt;", "faster &amp; longer"):
         assert text in page
     for svg in re.findall(r"<svg.*?</svg>", page, re.S):
         assert ET.fromstring(svg) is not None and "nan" not in svg
@@ -99,6 +99,12 @@ def test_thinning_keeps_the_peaks_and_the_order() -> None:
     y = np.random.default_rng(0).standard_normal(100_000)
     i = figure.thin(y, 1000)
     assert len(i) <= 1000 and (np.diff(i) > 0).all() and y[i].max() == y.max() and y[i].min() == y.min()
+
+
+def test_spreading_is_even() -> None:
+    for n in (0, 1, 1500, 1501, 100_000):
+        i = figure.spread(n)
+        assert len(i) <= 1500 and len(set(np.diff(i))) <= 1 and len(i) >= min(n, 750)
 
 
 def test_worst_stretch_is_where_the_residual_is() -> None:
