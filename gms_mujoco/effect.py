@@ -116,6 +116,30 @@ class Effect:
         """
         return command
 
+    def read(self, time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Position as the encoder reads it (sensor effects).
+
+        Args:
+            time: (n,) of each sample [s], equally spaced.
+            position: (n,) where the joint is [rad].
+
+        Returns:
+            (n,) reading, before noise and quantisation [rad].
+        """
+        return position
+
+    def correct(self, time: NDArray[np.float64], reading: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Position of the joint from what the encoder read: the inverse of `read` (sensor effects).
+
+        Args:
+            time: (n,) of each sample [s], equally spaced.
+            reading: (n,) [rad].
+
+        Returns:
+            (n,) where the joint was [rad].
+        """
+        return reading
+
     def edit(self, spec: mujoco.MjSpec, joint: str) -> None:
         """Changes a MuJoCo model so that the effect acts on `joint`.
 

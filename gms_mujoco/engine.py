@@ -145,6 +145,13 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
 
 def _warn(joint: Any, plant: Plant) -> None:
     friction = [e.name for e in plant.effects if e.kind == "friction"]
+    sensors = [e.name for e in plant.effects if e.kind == "sensor"]
+    if sensors:
+        warnings.warn(
+            f"{', '.join(sensors)} acts on the measurement alone and is left out of joint {joint.name!r}: MuJoCo's "
+            "positions are exact",
+            stacklevel=3,
+        )
     twice = {"frictionloss": bool(friction), "damping": "viscous" in friction}
     for key, counts in twice.items():
         value = float(np.max(np.abs(getattr(joint, key))))

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from .effect import Effect
 from .plant import Plant
 from .record import Record
 
@@ -90,6 +91,23 @@ class Observation:
         signals = {**self.record.signals, "position": position}
         return replace(self, record=replace(self.record, signals=signals))
 
+    def seen_by(self, plant: Plant) -> Observation:
+        """The same observation of where the joint was, given the plant's sensor effects; itself where it has none."""
+        sensors = tuple(e for e in plant.effects if e.kind == "sensor")
+        if not sensors:
+            return self
+        if sensors not in self._corrected:
+            position = self.record.position
+            for effect in reversed(sensors):
+                position = effect.correct(self.record.time, position)
+            self._corrected.clear()  # a fit looks at one after another
+            self._corrected[sensors] = self.again(position)
+        return self._corrected[sensors]
+
+    @cached_property
+    def _corrected(self) -> dict[tuple[Effect, ...], Observation]:
+        return {}
+
     def band(self, x: Array) -> Array:
         """(m,) band-limited values of a series of samples (n,)."""
         half, first = self._half, int(self.index[0])
@@ -132,13 +150,13 @@ class Observation:
         Args:
             memory: state before the first sample, see `native.Joint.replay`.
         """
-        r = self.record
+        r, seen = self.record, self.seen_by(plant)
         torque = plant.joint().replay(
-            r.time, self.position, self.velocity, r.get("load"), r.get("temperature"), memory
+            r.time, seen.position, seen.velocity, r.get("load"), r.get("temperature"), memory
         ).torque
         return self.band(_smooth_mean(torque))
 
     def needed(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]."""
         assert plant.inertia is not None
-        return plant.inertia * self.acceleration - self.replay(plant, memory)
+        return plant.inertia * self.seen_by(plant).acceleration - self.replay(plant, memory)

@@ -62,7 +62,10 @@ def simulate(
     if not np.isfinite(motion.position).all():
         raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
     rng = np.random.default_rng(seed)
-    read = motion.position + position_noise * rng.standard_normal(len(time))
+    seen = motion.position
+    for effect in plant.effects:
+        seen = effect.read(time, seen)
+    read = seen + position_noise * rng.standard_normal(len(time))
     if resolution:
         read = np.round(read / resolution) * resolution
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}

@@ -70,7 +70,8 @@ struct Effect {
   void (*modulate)(const double* p, int n, const Motion& motion, Level& level);
 
   // Torque on the joint [N m] at the end of the interval, and the state there. `state` and `next` may not
-  // overlap. With zero displacement and zero duration the state does not change. Null: no torque of its own.
+  // overlap. With zero displacement and zero duration the state does not change, but that it may take in the
+  // velocity: so it learns at the first sample what it sets out with. Null: no torque of its own.
   double (*torque)(const double* p, int n, const Motion& motion, const Level& level,
                    const double* state, double* next);
 };

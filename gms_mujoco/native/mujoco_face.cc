@@ -318,8 +318,11 @@ void compute(const mjModel* m, mjData* d, int id, int) {
     // Setting a position after a reset, or turning time back, is no motion.
     if (now.time < state[1]) book[kFresh] = 1;
     if (book[kFresh] && !(now.time > state[1])) {
-      state[0] = now.position;
-      state[1] = now.time;
+      // The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
+      double first[Joint::kMaxState];
+      state[0] = state[1] = std::nan("");
+      x.joint.torque(now, state, first);
+      std::copy(first, first + x.joint.n_state(), state);
     }
     double f = book[kTorque];  // of a late joint, until it is known better
     if (!x.late()) {  // as a rule the last advance has evaluated just this
