@@ -1,0 +1,41 @@
+"""What the friction model of a ball-screw stage lacks: the EMPS benchmark, explained end to end.
+
+    python examples/emps.py [FOLDER WITH DATA_EMPS.mat AND DATA_EMPS_PULSES.mat] [FOLDER FOR THE RESULTS]
+
+The data are those of Janot, Gautier and Brunot (Data set and reference models of EMPS, 2019). The drive command is
+logged in volts: force = gtau * vir. The plant is fitted on one trajectory; the other, with pulses of force on it,
+decides nothing and is scored at the end.
+"""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from gms_mujoco import cli
+
+FORCE_PER_VOLT = 35.1507  # N/V, gtau
+
+RECORD = """
+[[record]]
+file = "{file}"
+use = "{use}"
+columns = {{ time = "t", torque = "vir", position = "qm" }}
+scale = {{ torque = {scale} }}
+"""
+
+
+def main() -> int:
+    default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "emps"
+    data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    results = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("emps_diagnosis")
+    text = '[axis]\nkind = "slide"\n'
+    for name, use in (("DATA_EMPS.mat", "fit"), ("DATA_EMPS_PULSES.mat", "validate")):
+        text += RECORD.format(file=(data / name).resolve().as_posix(), use=use, scale=FORCE_PER_VOLT)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "dataset.toml").write_text(text)
+        return cli.main(["diagnose", folder, "-o", str(results)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
