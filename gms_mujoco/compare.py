@@ -159,8 +159,8 @@ def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Gene
         _simulation_error(plant, o, memory),
         relative_error([floor], [measured]),
         o.time,
-        o.position[o.index],
-        o.velocity[o.index],
+        o.seen_by(plant).position[o.index],
+        o.seen_by(plant).velocity[o.index],
         measured,
         needed,
         floor,
@@ -168,8 +168,7 @@ def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Gene
 
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
-    r = o.record
-    assert plant.inertia is not None
+    r, o = o.record, o.seen_by(plant)
     torque = r.torque
     for effect in plant.effects:
         torque = effect.deliver(r.time, torque)
@@ -183,7 +182,7 @@ def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> flo
         here = slice(a, a + length + 1)
         part = {k: v[here] if v is not None else None for k, v in signals.items()}
         motion = joint.simulate(
-            plant.inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), 4,
+            plant.driven_inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), 4,
             start=float(r.time[a]), state=states[a], **part,
         )
         simulated = motion.position[-1] - motion.position[0]

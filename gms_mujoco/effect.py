@@ -104,6 +104,11 @@ class Effect:
         """All parameters in the order of the table, as the native library takes them."""
         return np.concatenate([np.atleast_1d(np.asarray(v, float)) for v in self.values.values()])
 
+    @property
+    def hidden_inertia(self) -> float:
+        """Part of the axis's inertia that does not move with the joint [kg m^2]: the parameter in that unit."""
+        return float(sum(np.sum(self.values[p.name]) for p in self.parameters if p.unit == "kg m^2"))
+
     def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
         """Torque that reaches the joint for a commanded one (drive effects).
 

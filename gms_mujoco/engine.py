@@ -97,6 +97,7 @@ def attach(
     for name, plant in chosen.items():
         joint = spec.joint(name)
         _warn(joint, plant)
+        _uncouple(joint, plant)
         natives = [e for e in plant.effects if e.is_native]
         if natives:
             _add_instance(spec, joint, _config(natives, integration))
@@ -161,6 +162,19 @@ def _warn(joint: Any, plant: Plant) -> None:
                 f"set {key} to 0 unless that is meant",
                 stacklevel=3,
             )
+
+
+def _uncouple(joint: Any, plant: Plant) -> None:
+    """Takes inertia that the plant has behind a coupling off the joint's armature."""
+    hidden = sum(e.hidden_inertia for e in plant.effects)
+    if hidden > joint.armature:
+        names = ", ".join(e.name for e in plant.effects if e.hidden_inertia)
+        warnings.warn(
+            f"the load of {names}, {hidden:g} kg m^2, is part of the inertia of the axis, but joint {joint.name!r} has "
+            f"only {joint.armature:g} of armature to take it from: take the rest off the body",
+            stacklevel=3,
+        )
+    joint.armature = max(joint.armature - hidden, 0.0)
 
 
 def _add_instance(spec: mujoco.MjSpec, joint: Any, config: dict[str, str]) -> None:

@@ -86,6 +86,11 @@ class Observation:
         """(m,) [s]."""
         return self.record.time[self.index]
 
+    def opening(self, duration: float) -> Observation:
+        """The same observation of the first part of the record [s]."""
+        n = max(int(duration / self.record.sample_time), 8 * self._half)
+        return self if n >= len(self.record) else replace(self, record=self.record.slice(0, n))
+
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""
         signals = {**self.record.signals, "position": position}
@@ -96,13 +101,17 @@ class Observation:
         sensors = tuple(e for e in plant.effects if e.kind == "sensor")
         if not sensors:
             return self
-        if sensors not in self._corrected:
+        known = self._corrected
+        seen = known.get(sensors)
+        if seen is None:
             position = self.record.position
             for effect in reversed(sensors):
                 position = effect.correct(self.record.time, position)
-            self._corrected.clear()  # a fit looks at one after another
-            self._corrected[sensors] = self.again(position)
-        return self._corrected[sensors]
+            seen = self.again(position)
+            if len(known) > 4:  # a fit tries many, one after another and a few at a time
+                known.clear()
+            known[sensors] = seen
+        return seen
 
     @cached_property
     def _corrected(self) -> dict[tuple[Effect, ...], Observation]:
@@ -139,10 +148,17 @@ class Observation:
 
     def applied(self, plant: Plant) -> Array:
         """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m]."""
+        drive = [e for e in plant.effects if type(e).deliver is not Effect.deliver]
+        if not drive:
+            return self._commanded
         torque = self.record.torque
-        for effect in plant.effects:
+        for effect in drive:
             torque = effect.deliver(self.record.time, torque)
         return self.band(held_mean(torque))
+
+    @cached_property
+    def _commanded(self) -> Array:
+        return self.band(held_mean(self.record.torque))
 
     def replay(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque of the effects along the motion [N m].
@@ -158,5 +174,4 @@ class Observation:
 
     def needed(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]."""
-        assert plant.inertia is not None
-        return plant.inertia * self.seen_by(plant).acceleration - self.replay(plant, memory)
+        return plant.driven_inertia * self.seen_by(plant).acceleration - self.replay(plant, memory)

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from . import effects, native
 from .effect import Effect
 from .errors import ModelError, listing
@@ -80,6 +82,33 @@ class Plant:
         """The same plant with one effect taken away."""
         _ = self[name]
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
+
+    @property
+    def driven_inertia(self) -> float:
+        """Inertia that moves with the joint [kg m^2]: the axis's less what its effects put behind a coupling."""
+        assert self.inertia is not None
+        return self.inertia - sum(e.hidden_inertia for e in self.effects)
+
+    def numbers(self) -> dict[str, tuple[float, str]]:
+        """Every value with its unit, by its name: "inertia", "effect.parameter" or, of several, with "[i]"."""
+        out = {} if self.inertia is None else {"inertia": (float(self.inertia), "kg m^2")}
+        for e in self.effects:
+            for p in e.parameters:
+                values = np.atleast_1d(np.asarray(e.values[p.name], float))
+                labels = [f"[{i}]" for i in range(len(values))] if len(values) > 1 else [""]
+                for label, value in zip(labels, values, strict=True):
+                    out[f"{e.name}.{p.name}{label}"] = (float(value), p.unit)
+        if self.kind == "slide":
+            out = {k: (v, slide_unit(u)) for k, (v, u) in out.items()}
+        return out
+
+    def table(self, effect: str) -> dict[str, dict[str, object]]:
+        """The identified parameters of one effect, as `diagnosis.json` shows them."""
+        return {
+            name: {"value": value, "unit": unit, "ci95": list(self.uncertainty[name])}
+            for name, (value, unit) in self.numbers().items()
+            if name.startswith(f"{effect}.") and name in self.uncertainty
+        }
 
     @property
     def unset(self) -> tuple[str, ...]:

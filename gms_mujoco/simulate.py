@@ -50,19 +50,18 @@ def simulate(
         DataError: the motion runs away.
     """
     plant.complete()
-    assert plant.inertia is not None
     command = np.asarray(torque, float)
     time = sample_time * np.arange(len(command))
     delivered = command
     for effect in plant.effects:
         delivered = effect.deliver(time, delivered)
     motion = plant.joint().simulate(
-        plant.inertia, sample_time, delivered, position, velocity, substeps, load=load, temperature=temperature
+        plant.driven_inertia, sample_time, delivered, position, velocity, substeps, load=load, temperature=temperature
     )
     if not np.isfinite(motion.position).all():
         raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
     rng = np.random.default_rng(seed)
-    seen = motion.position
+    seen: Array = motion.position
     for effect in plant.effects:
         seen = effect.read(time, seen)
     read = seen + position_noise * rng.standard_normal(len(time))

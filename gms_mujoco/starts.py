@@ -100,14 +100,17 @@ def _maxwell_slip(
         columns.append(inertial)
         target = applied + known
     else:
-        target = applied + known - plant.inertia * inertial
+        target = applied + known - plant.driven_inertia * inertial
     matrix = np.stack(columns, 1)
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
     solution = optimize.nnls(matrix / scale, target)[0] / scale
     n = len(springs)
-    inertia = plant.inertia if plant.inertia is not None and plant.inertia_known else float(solution[n + 1])
+    if plant.inertia is not None and plant.inertia_known:
+        return plant.inertia, float(solution[n]), solution[:n]
+    inertia = float(solution[n + 1])
     if inertia <= 0:
         inertia = 1e-3 * float(np.std(target) / np.std(inertial))
+    inertia += sum(e.hidden_inertia for e in plant.effects)
     return inertia, float(solution[n]), solution[:n]
 
 

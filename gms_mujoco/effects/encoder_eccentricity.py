@@ -15,8 +15,8 @@ class EncoderEccentricity(Effect):
     name = "encoder_eccentricity"
     kind = "sensor"
     doc = (
-        "Encoder disc off centre: the reading is q + A sin(q + phi), with A = eccentricity over disc radius. At constant\n"
-        "speed v the reading's speed swings by A v, which looks like a torque J A v^2 once per revolution.\n"
+        "Encoder disc off centre: the reading is q + A sin(q + phi), with A = eccentricity over disc radius. At speed v\n"
+        "the speed of the reading swings by A v, which looks like a torque J A v^2 once per revolution.\n"
         "It acts on the measurement alone: inside MuJoCo, where positions are exact, it is left out.\n"
         "Source: eccentricity error of encoders, e.g. Merry, van de Molengraft and Steinbuch, Mechatronics 23 (2013)."
     )
@@ -30,11 +30,12 @@ class EncoderEccentricity(Effect):
 
     def read(self, time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
         """What the encoder reads."""
-        return position + self.values["amplitude"] * np.sin(position + self.values["phase"])
+        amplitude, phase = self._numbers
+        return position + amplitude * np.sin(position + phase)
 
     def correct(self, time: NDArray[np.float64], reading: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where the joint is, by Newton's method."""
-        amplitude, phase = self.values["amplitude"], self.values["phase"]
+        amplitude, phase = self._numbers
         position = reading
         for _ in range(50):
             excess = position + amplitude * np.sin(position + phase) - reading
@@ -42,3 +43,7 @@ class EncoderEccentricity(Effect):
             if np.abs(excess).max(initial=0.0) < 1e-14:
                 break
         return position
+
+    @property
+    def _numbers(self) -> tuple[float, float]:
+        return float(self.values["amplitude"]), float(self.values["phase"])  # type: ignore[arg-type]

@@ -23,7 +23,7 @@ class TorqueSaturation(Effect):
         "Drive that delivers no more than its limit, tau = min(max(u, -L), L): the current limit of the amplifier, or\n"
         "the supply voltage at low speed. It matters only where the record logs the torque that was asked for.\n"
         "There is no strength: a limit above the largest command is the same as none.\n"
-        "Source: actuator saturation, e.g. Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems (2010)."
+        "Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems (2010), actuator saturation."
     )
     signature = "The torque error is zero up to a certain command, and grows one to one beyond it."
     experiment = "Commands up to the largest the axis will see, sudden ones included."

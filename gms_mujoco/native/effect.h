@@ -40,7 +40,8 @@ struct Level {
 
 struct Parameter {
   const char* name;
-  const char* unit;      // in hinge units; slide joints read m for rad and N for N m
+  const char* unit;      // in hinge units; slide joints read m for rad and N for N m. What is in kg m^2 is a part of
+                         // the axis's inertia that does not move with the joint
   double fallback;       // default value; 0 for a strength, with which the effect is absent; NaN: must be given or fitted
   double lower, upper;   // closed bounds
   bool per_element;      // one value per element instead of one for the effect

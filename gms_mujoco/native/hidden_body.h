@@ -14,9 +14,7 @@ struct Relative {
 };
 
 // Where the body is after time t while the joint accelerates at a, from r'' + 2 zeta omega r' + omega^2 r = -a.
-// omega = 0 is free flight.
 inline Relative swing(Relative r, double a, double omega, double zeta, double t) {
-  if (omega == 0) return {r.position + t * (r.velocity - 0.5 * t * a), r.velocity - t * a};
   const double decay = zeta * omega * t, square = (1 - zeta * zeta) * omega * omega * t * t;
   // c and s are e^-decay times cos(x) and sin(x)/x with x^2 = square, which is negative above critical damping.
   double c, s;
@@ -38,24 +36,48 @@ inline Relative swing(Relative r, double a, double omega, double zeta, double t)
           r.velocity * (c - decay * s) - omega * omega * t * s * away};
 }
 
+// The same without a spring, from r'' + lambda r' = -a.
+inline Relative coast(Relative r, double a, double lambda, double t) {
+  const double x = lambda * t;
+  // Means over the interval of e^-x and of what it lacks of 1.
+  const double kept = x > 1e-3 ? -std::expm1(-x) / x : 1 - x / 2 * (1 - x / 3 * (1 - x / 4));
+  const double lost = x > 1e-3 ? (1 - kept) / x : 0.5 - x / 6 * (1 - x / 4 * (1 - x / 5));
+  return {r.position + t * (kept * r.velocity - t * lost * a), std::exp(-x) * r.velocity - t * kept * a};
+}
+
 // How the joint moves inside an interval: it sets out at `start` and accelerates evenly to the velocity at the end,
 // covering the displacement. For a smooth motion that sampled velocities describe this is the trapezoidal rule. A
 // semi-implicit Euler step is a jump of velocity at its beginning: then the body is kicked and drifts, which keeps
 // its energy where a scheme without the jump would gain some in every step.
 struct Course {
   double start, acceleration;
-  explicit Course(const Motion& m)
-      : start(2 * m.rate() - m.velocity), acceleration(m.duration > 0 ? (m.velocity - start) / m.duration : 0) {}
+  bool jump;  // of a time step
+  Course(const Motion& m, double before)
+      : start(2 * m.rate() - m.velocity),
+        acceleration((m.velocity - start) / m.duration),
+        jump(std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
 };
 
 // State of a hidden body. Its velocity is absolute, so that a jump of the joint's leaves it alone.
 enum { kDeflection = 0, kVelocity = 1, kJointVelocity = 2, kHiddenState = 3 };
 
-// The joint was given another velocity in no time (a start, a reset): the body comes along.
-inline void carry(const Motion& m, const double* state, double* next) {
-  next[kDeflection] = state[kDeflection];
-  next[kVelocity] = state[kVelocity] + (m.velocity - state[kJointVelocity]);
+// The state after an interval, by `move` of the relative motion, and the torque over the body's inertia by `pull`.
+template <class Move, class Pull>
+double follow(const Motion& m, double omega, const double* state, double* next, Move move, Pull pull) {
   next[kJointVelocity] = m.velocity;
+  if (!(m.duration > 0)) {  // the joint was given its velocity in no time (a start, a reset): the body comes along
+    next[kDeflection] = state[kDeflection];
+    next[kVelocity] = state[kVelocity] + (m.velocity - state[kJointVelocity]);
+    return pull(Relative{next[kDeflection], next[kVelocity] - m.velocity});
+  }
+  const Course course(m, state[kJointVelocity]);
+  const Relative r = move(Relative{state[kDeflection], state[kVelocity] - course.start}, course.acceleration);
+  next[kDeflection] = r.position;
+  next[kVelocity] = r.velocity + m.velocity;
+  // In a time step that is long for the coupling the torque at its end may be anywhere in a swing. The mean over the
+  // step keeps momentum, and an implicit step with it cannot gain energy.
+  if (course.jump && omega * m.duration > 1) return (state[kVelocity] - next[kVelocity]) / m.duration;
+  return pull(Relative{r.position, next[kVelocity] - m.velocity});  // as rounded, so that it stands still with the state
 }
 
 }  // namespace gms

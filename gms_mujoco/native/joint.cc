@@ -129,13 +129,14 @@ double Joint::implicit_torque(const Sample& now, const double* state, double h, 
 
 double Joint::slope(double h) const {
   constexpr double kSmall = 1e-9;  // [rad or m], far below any break-away distance
-  double state[kMaxState];
-  reset(state);
-  const double rest = torque(Motion{0, 0, 0, h, h, 0, 0}, state, nullptr, nullptr);
-  double largest = 0;
-  for (const double x : {kSmall, -kSmall}) {
-    const double moving = torque(Motion{x, x, x / h, h, h, 0, 0}, state, nullptr, nullptr);
-    largest = std::max(largest, std::fabs(moving - rest) * h / kSmall);
+  double state[kMaxState], largest = 0;
+  for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only
+    recall(std::vector<double>(n_memory_, memory).data(), state);
+    const double rest = torque(Motion{0, 0, 0, h, h, 0, 0}, state, nullptr, nullptr);
+    for (const double x : {kSmall, -kSmall}) {
+      const double moving = torque(Motion{x, x, x / h, h, h, 0, 0}, state, nullptr, nullptr);
+      largest = std::max(largest, std::fabs(moving - rest) * h / kSmall);
+    }
   }
   return largest;
 }

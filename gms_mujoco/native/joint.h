@@ -57,8 +57,8 @@ class Joint {
   double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain,
                          Search* search = nullptr) const;
 
-  // Change of torque per change of velocity over a step of length h from the virgin state, k h + sigma
-  // [N m s/rad]; very large for a static law. An explicit step is stable while h * slope / inertia < 4 (with a
+  // Change of torque per change of velocity over a step of length h, k h + sigma [N m s/rad], the larger of
+  // that from the virgin state and from the other end of its memory; very large for a static law. An explicit step is stable while h * slope / inertia < 4 (with a
   // spring alone; 2 with viscous drag alone) and is the more accurate one below about 1.
   double slope(double h) const;
 
