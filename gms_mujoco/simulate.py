@@ -51,7 +51,7 @@ def simulate(
     """
     plant.complete()
     command = np.asarray(torque, float)
-    time = sample_time * np.arange(len(command))
+    time = np.asarray(sample_time * np.arange(len(command)), float)
     delivered = command
     for effect in plant.effects:
         delivered = effect.deliver(time, delivered)
@@ -61,7 +61,7 @@ def simulate(
     if not np.isfinite(motion.position).all():
         raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
     rng = np.random.default_rng(seed)
-    seen: Array = motion.position
+    seen = motion.position
     for effect in plant.effects:
         seen = effect.read(time, seen)
     read = seen + position_noise * rng.standard_normal(len(time))

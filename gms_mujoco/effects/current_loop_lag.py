@@ -61,7 +61,7 @@ class CurrentLoopLag(Effect):
         for a in acting:
             if a.dyntype != mujoco.mjtDyn.mjDYN_NONE:
                 kind = mujoco.mjtDyn(a.dyntype).name[6:].lower()
-                raise ModelError(f"actuator {a.name!r} has dynamics of its own ({kind}) where current_loop_lag would act")
+                raise ModelError(f"actuator {a.name!r} has dynamics of its own ({kind}); current_loop_lag cannot act")
             if a.biastype != mujoco.mjtBias.mjBIAS_NONE or a.gaintype != mujoco.mjtGain.mjGAIN_FIXED:
                 raise ModelError(
                     f"actuator {a.name!r} makes its force from more than its control; current_loop_lag needs a motor"

@@ -15,7 +15,7 @@ class EncoderEccentricity(Effect):
     name = "encoder_eccentricity"
     kind = "sensor"
     doc = (
-        "Encoder disc off centre: the reading is q + A sin(q + phi), with A = eccentricity over disc radius. At speed v\n"
+        "Encoder disc off centre: it reads q + A sin(q + phi), with A = eccentricity over disc radius. At speed v\n"
         "the speed of the reading swings by A v, which looks like a torque J A v^2 once per revolution.\n"
         "It acts on the measurement alone: inside MuJoCo, where positions are exact, it is left out.\n"
         "Source: eccentricity error of encoders, e.g. Merry, van de Molengraft and Steinbuch, Mechatronics 23 (2013)."
