@@ -101,7 +101,7 @@ const gms::Effect gms_effect_backlash = {
     {{"inertia", "kg m^2", 0, 0, gms::kInfinity, false, true, "J2, of the load, part of the axis's"},
      {"gap", "rad", gms::kUnset, 0, gms::kInfinity, false, true, "b, whole width of the play"},
      {"frequency", "Hz", gms::kUnset, 1e-3, gms::kInfinity, false, true, "f, resonance in contact, motor clamped"},
-     {"damping", "1", 0.05, 0, 10, false, true, "zeta, relative to critical, in contact"},
+     {"damping", "1", 1, 0, 10, false, true, "zeta, relative to critical, in contact; 1: hardly a rebound"},
      {"drag", "1", 0, 0, 1, false, false, "d, drag in the gap over the damping in contact"}},
     n_state,
     n_memory,
