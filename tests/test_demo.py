@@ -16,7 +16,7 @@ SEEDS = range(40)
 def test_the_seed_draws_the_axis_and_every_kind_of_effect() -> None:
     drawn = [demo.axis(rng) + demo.hide(1e-3, rng) for rng in map(np.random.default_rng, SEEDS)]
     assert len(set(drawn)) == len(drawn)
-    assert len({p.effects[-1].name for p in drawn}) == 5
+    assert len({p.effects[-1].name for p in drawn}) == 4
     assert all(not p.unset for p in drawn)
     with pytest.raises(GmsError, match="seed"):
         demo.run("nowhere", -1)
