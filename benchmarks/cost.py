@@ -108,7 +108,6 @@ VARIANTS = {
     "plain": plain,
     "gms explicit": gms("explicit"),
     "gms implicit": gms("implicit"),
-    "gms implicit, callback": gms("implicit"),
     "springyield tendons": tendons,
     "dcmotor LuGre": lugre,
     "frictionloss": frictionloss,
@@ -126,20 +125,17 @@ def build(source: Path | str, variant: Variant) -> tuple[mujoco.MjModel, mujoco.
     return model, mujoco.MjData(model)
 
 
-def round_of(model: mujoco.MjModel, data: mujoco.MjData, steps: int, callback: bool) -> float:
+def round_of(model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> float:
     """Time of one step [s]. The joints move to and fro: torques around the friction level."""
     mujoco.mj_resetData(model, data)
     rng = np.random.default_rng(0)
     size = 4.5e-3 if model.nv == 1 else 4.0
-    if callback:
-        engine.install_callback()
     spent = 0.0
     for _ in range(10):
         data.qfrc_applied[-27:] = rng.normal(size=min(model.nv, 27)) * 1.2 * size
         start = time.perf_counter()
         mujoco.mj_step(model, data, steps // 10)
         spent += time.perf_counter() - start
-    engine.remove_callback()
     return spent / (steps // 10 * 10)
 
 
@@ -155,7 +151,7 @@ def main() -> None:
         for i in range(rounds + 3):
             order = list(VARIANTS) if i % 2 else list(VARIANTS)[::-1]
             for v in order:
-                t = round_of(*built[v], STEPS[name], v.endswith("callback"))
+                t = round_of(*built[v], STEPS[name])
                 if i >= 3:
                     times[v].append(t)
         base = np.array(times["plain"])

@@ -1,7 +1,8 @@
-"""Friction inside MuJoCo: the plug-in, its attachment to named joints, the control callback, the readout.
+"""Friction inside MuJoCo: the plug-in, its attachment to named joints, the readout.
 
-Importing this module registers the plug-in `gms_mujoco.friction`, so that a saved MJCF loads. One plug-in instance
-is the friction of one joint and bears the joint's name; names and prefixes change together when a model is
+Importing this module registers the plug-in `gms_mujoco.friction`, so that a saved MJCF loads. Joints with the same
+friction share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
+friction of a joint takes. Instances hang on the bodies of their joints, so that they come along when a model is
 attached to another.
 """
 
@@ -73,8 +74,9 @@ def attach(
     Args:
         model: an MjSpec, which is changed; or the path or the text of an MJCF file.
         plants: plant by joint name; a name may be a pattern such as "*_knee".
-        integration: "explicit", "implicit" (backward Euler), or "auto": implicit for the joints whose friction is
-            stiff for the time step.
+        integration: "explicit", "implicit" (backward Euler: stable and bounded at any time step), or "auto": implicit
+            for the joints whose friction is so stiff for the time step that an explicit one may be unstable, with
+            h^2 k + h sigma above twice the inertia. Below that explicit is cheaper and more accurate.
 
     Returns:
         The MjSpec. `spec.compile()` makes the model, `spec.to_xml()` an MJCF that loads after
@@ -94,13 +96,18 @@ def attach(
                 raise ModelError(f"joint {joint.name!r} is named twice, by {pattern!r} the second time")
             _check(spec, joint, plant)
             chosen[joint.name] = plant
+    alike: dict[tuple[Any, ...], list[Any]] = {}
     for name, plant in chosen.items():
         joint = spec.joint(name)
         _warn(joint, plant)
         _uncouple(joint, plant)
         natives = [e for e in plant.effects if e.is_native]
         if natives:
-            _add_instance(spec, joint, _config(natives, integration))
+            alone = name if name.split() != [name] else ""  # cannot stand in a list of names
+            alike.setdefault((alone, *_config(natives, integration).items()), []).append(joint)
+    for (_, *config), joints in alike.items():
+        _add_instance(spec, joints, dict(config))
+    for name, plant in chosen.items():
         for e in plant.effects:
             e.edit(spec, name)
     return spec
@@ -138,7 +145,7 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
     if unset:
         raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
     for p in spec.plugins:
-        if p.plugin_name == PLUGIN and joint.name in (p.name, p.config.get("joint")):
+        if p.plugin_name == PLUGIN and joint.name in (p.name, *p.config.get("joint", "").split()):
             raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
         if p.name == joint.name:
             raise ModelError(f"a {p.plugin_name} instance is called {p.name!r} as the joint is; rename one of them")
@@ -177,16 +184,24 @@ def _uncouple(joint: Any, plant: Plant) -> None:
     joint.armature = max(joint.armature - hidden, 0.0)
 
 
-def _add_instance(spec: mujoco.MjSpec, joint: Any, config: dict[str, str]) -> None:
+def _add_instance(spec: mujoco.MjSpec, joints: list[Any], config: dict[str, str]) -> None:
+    """One instance for joints with the same friction: named after the only one, else after the first."""
+    name = joints[0].name
+    if len(joints) > 1:
+        name += "_and_others"
+        config = config | {"joint": " ".join(j.name for j in joints), "name": name}
     spec.activate_plugin(PLUGIN)
-    instance = spec.add_plugin(name=joint.name, plugin_name=PLUGIN, active=True)
+    instance = spec.add_plugin(name=name, plugin_name=PLUGIN, active=True)
     instance.config = config
-    # An instance that hangs nowhere is lost when the model is attached to another. A body holds one: further
-    # joints of the body hang theirs on an empty body inside it.
-    body = joint.parent
-    if body.plugin.active:
-        body = body.add_body(name=f"{joint.name}_friction")
-    body.plugin = instance
+    # An instance that hangs nowhere is lost when the model is attached to another. A body holds one: where that
+    # place is taken it hangs on an empty body inside.
+    for k, joint in enumerate(joints):
+        body = joint.parent
+        if body.plugin.active:
+            if k:
+                continue
+            body = body.add_body(name=f"{joint.name}_friction")
+        body.plugin = instance
 
 
 def _config(effects: list[Effect], integration: str) -> dict[str, str]:
@@ -198,38 +213,6 @@ def _config(effects: list[Effect], integration: str) -> dict[str, str]:
             numbers = value if isinstance(value, tuple) else (value,)
             config[f"{e.name}.{key}"] = " ".join(map(repr, numbers))
     return config
-
-
-# ctypes lets mujoco.set_mjcb_control, and with it mujoco.batch.Batch, take a C function.
-_control = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(("gms_control", native.library))
-
-
-def install_callback() -> None:
-    """Has MuJoCo evaluate stiff and static friction once the controls of a step are known.
-
-    Without it the plug-in does so earlier in the step, from the controls as they stand then, which is the same
-    unless another control callback sets them.
-
-    Raises:
-        EngineError: another control callback is installed; call `evaluate` at its end instead.
-    """
-    if mujoco.get_mjcb_control() not in (None, _control):
-        raise EngineError(
-            "another control callback is installed: call gms_mujoco.evaluate(model, data) at its end, or remove "
-            "it with mujoco.set_mjcb_control(None)"
-        )
-    mujoco.set_mjcb_control(_control)
-
-
-def remove_callback() -> None:
-    """Removes the control callback of `install_callback`; leaves that of others alone."""
-    if mujoco.get_mjcb_control() is _control:
-        mujoco.set_mjcb_control(None)
-
-
-def evaluate(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Evaluates stiff and static friction with the controls in `data`: for the end of a control callback."""
-    _control(model._address, data._address)
 
 
 @dataclass(frozen=True)

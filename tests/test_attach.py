@@ -38,7 +38,7 @@ def test_prefix_and_suffix_follow_when_a_model_joins_another():
             warnings.simplefilter("ignore")  # the time step differs
             parent.attach(child, prefix=prefix, suffix="_x", frame=parent.worldbody.add_frame())
             model = parent.compile()
-    assert model.nplugin == 4
+    assert model.nplugin == 2
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = mujoco.MjModel.from_xml_string(parent.to_xml())

@@ -18,13 +18,6 @@ MODELS = Path(__file__).resolve().parent.parent / "models"
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-@pytest.fixture
-def callback():
-    engine.install_callback()
-    yield
-    engine.remove_callback()
-
-
 INTEGRATIONS = pytest.mark.parametrize("integration", ["explicit", "implicit"])
 
 
@@ -47,7 +40,7 @@ def test_axis_simulation_is_the_plugin_trajectory(integration):
 
 
 @INTEGRATIONS
-def test_repeated_forward_changes_nothing(integration, callback):
+def test_repeated_forward_changes_nothing(integration):
     model, data = axis(integration=integration)
     run(model, data, stick_slip(777))
     mujoco.mj_forward(model, data)
@@ -90,65 +83,44 @@ def test_save_reload_copy_reset_and_set_state_reproduce_a_trajectory(integration
 
 
 @INTEGRATIONS
-@pytest.mark.parametrize("with_callback", [False, True])
-def test_rollout_from_mid_run_and_batch_reproduce_a_trajectory(integration, with_callback):
+def test_rollout_from_mid_run_and_batch_reproduce_a_trajectory(integration):
     command = stick_slip(1500)
     model, data = axis(integration=integration)
-    if with_callback:
-        engine.install_callback()
-    try:
-        run(model, data, command[:700])
-        start = np.empty(mujoco.mj_stateSize(model, FULL))
-        mujoco.mj_getState(model, data, start, FULL)
-        expected = []
-        for u in command[700:]:
-            data.ctrl[:] = u
-            mujoco.mj_step(model, data)
-            expected.append((data.qpos[0], data.qvel[0]))
-        expected = np.array(expected)
+    run(model, data, command[:700])
+    start = np.empty(mujoco.mj_stateSize(model, FULL))
+    mujoco.mj_getState(model, data, start, FULL)
+    expected = []
+    for u in command[700:]:
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data)
+        expected.append((data.qpos[0], data.qvel[0]))
+    expected = np.array(expected)
 
-        spare = [mujoco.MjData(model) for _ in range(2)]
-        controls = np.tile(command[700:, None], (4, 1, 1))
-        states, _ = mujoco.rollout.rollout(model, spare, np.tile(start, (4, 1)), controls)
-        assert np.array_equal(states[3, :, 1:3], expected)
+    spare = [mujoco.MjData(model) for _ in range(2)]
+    controls = np.tile(command[700:, None], (4, 1, 1))
+    states, _ = mujoco.rollout.rollout(model, spare, np.tile(start, (4, 1)), controls)
+    assert np.array_equal(states[3, :, 1:3], expected)
 
-        for nthread in (1, 2):
-            for persistent in (False, True):
-                batch = Batch(model, 3, nthread, persistent)
-                history = []
-                for u in command:
-                    batch.ctrl[:] = u
-                    batch.step()
-                    history.append((batch.qpos[2, 0], batch.qvel[2, 0]))
-                assert np.array_equal(np.array(history)[700:], expected)
-    finally:
-        engine.remove_callback()
+    for nthread in (1, 2):
+        for persistent in (False, True):
+            batch = Batch(model, 3, nthread, persistent)
+            history = []
+            for u in command:
+                batch.ctrl[:] = u
+                batch.step()
+                history.append((batch.qpos[2, 0], batch.qvel[2, 0]))
+            assert np.array_equal(np.array(history)[700:], expected)
 
 
-def test_callback_and_plugin_alone_agree():
-    command = stick_slip(3000)
-    alone = run(*axis(integration="implicit"), command)
-    engine.install_callback()
-    try:
-        assert np.array_equal(run(*axis(integration="implicit"), command), alone)
-    finally:
-        engine.remove_callback()
-
-
-def test_callback_sees_controls_that_another_callback_sets():
-    """Installed by hand at the end of one's own: the friction answers the torque of the same step."""
+def test_friction_sees_controls_that_a_callback_sets():
+    """The friction answers the torque of the same step."""
     model, data = axis(DRY)
 
     def control(m, d):
         d.ctrl[0] = 3e-3 * np.sin(30 * d.time)
-        engine.evaluate(m, d)
 
     mujoco.set_mjcb_control(control)
     try:
-        with pytest.raises(EngineError, match="evaluate"):
-            engine.install_callback()
-        engine.remove_callback()
-        assert mujoco.get_mjcb_control() is control
         mujoco.mj_step(model, data, 2000)
     finally:
         mujoco.set_mjcb_control(None)
@@ -209,16 +181,12 @@ def test_actuation_disabled_and_models_without_actuators():
         model = engine.attach(xml, {"shaft": DRY}).compile()
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
         data = mujoco.MjData(model)
-        engine.install_callback()
-        try:
-            data.qfrc_applied[0] = 3.9e-3
-            mujoco.mj_step(model, data, 500)
-            assert abs(data.qpos[0]) < 1e-15
-            data.qfrc_applied[0] = 5e-3
-            mujoco.mj_step(model, data, 500)
-            assert data.qvel[0] == pytest.approx(1e-3 / J * 0.25, rel=1e-9)
-        finally:
-            engine.remove_callback()
+        data.qfrc_applied[0] = 3.9e-3
+        mujoco.mj_step(model, data, 500)
+        assert abs(data.qpos[0]) < 1e-15
+        data.qfrc_applied[0] = 5e-3
+        mujoco.mj_step(model, data, 500)
+        assert data.qvel[0] == pytest.approx(1e-3 / J * 0.25, rel=1e-9)
 
 
 def test_holds_against_an_external_wrench():
@@ -229,7 +197,7 @@ def test_holds_against_an_external_wrench():
 
 
 @INTEGRATIONS
-def test_load_dependent_friction_follows_the_torque_of_the_actuators(integration, callback):
+def test_load_dependent_friction_follows_the_torque_of_the_actuators(integration):
     plant = Plant.axis() + effects.Coulomb(coulomb=1e-3) + effects.LoadDependentFriction(coefficient=100.0)
     model, data = axis(plant, integration)
     data.qvel[0] = 50.0

@@ -32,37 +32,41 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   const double direction = gms::sign(m.displacement), scale = level.at(direction);
   const double distance = std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
   double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
-  for (int i = 0; i < n; i++) {
-    double force = direction * state[2 * i + kForce];  // grows towards `limit` in the direction of motion
-    double slip = state[2 * i + kSlip];
-    const double stuck = force + scale * stiffness[i] * distance;
-    if (slip != direction && stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
-      next[2 * i + kForce] = direction * stuck;
-      next[2 * i + kSlip] = 0;
-      total += direction * stuck;
-      continue;
+  for (int i = 0; i < n; i++, state += 2, next += 2) {
+    double force = direction * state[kForce];  // grows towards `limit` in the direction of motion
+    const bool slipping = state[kSlip] == direction;
+    double stuck = 0;
+    if (!slipping) {
+      stuck = force + scale * stiffness[i] * distance;
+      if (stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
+        next[kForce] = direction * stuck;
+        next[kSlip] = 0;
+        total += stuck;
+        continue;
+      }
     }
     if (s < 0) {
       s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
-      decay = s > 0 ? std::exp(-c[4] * m.duration / s) : 0;
+      decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
     }
     const double limit = fraction[i] * s;
-    if (slip != direction) {  // sticks, or has just reversed and sticks again
-      slip = stuck > limit ? direction : 0;
+    bool slips = true;
+    if (!slipping) {  // sticks, or has just reversed and sticks again
+      slips = stuck > limit;
       // An element that reaches its limit inside the interval slides at it for the rest; one that the level
       // has dropped below keeps its force and relaxes.
-      force = slip == 0 ? stuck : force > limit ? force : limit;
+      force = !slips ? stuck : force > limit ? force : limit;
       if (stuck < -fraction[i] * most) {  // what modulates friction no longer lets it carry its force: gives way
-        slip = direction;
+        slips = true;
         force = -fraction[i] * most;
       }
     }
-    if (slip != 0) force = limit + (force - limit) * decay;
-    next[2 * i + kForce] = direction * force;
-    next[2 * i + kSlip] = slip;
-    total += direction * force;
+    if (slips) force = limit + (force - limit) * decay;
+    next[kForce] = direction * force;
+    next[kSlip] = slips ? direction : 0;
+    total += force;
   }
-  return -total;
+  return -direction * total;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #define GMS_MUJOCO_NATIVE_EFFECT_H_
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 namespace gms {
@@ -85,13 +86,36 @@ extern const int kCatalogueSize;
 
 inline double sign(double x) { return (x > 0) - (x < 0); }
 
+struct PowersOfHalf {
+  static constexpr int kParts = 64;
+  double value[kParts];
+  PowersOfHalf() {
+    for (int i = 0; i < kParts; i++) value[i] = std::exp2(-static_cast<double>(i) / kParts);
+  }
+};
+inline const PowersOfHalf kPowersOfHalf;
+
+// e^-x for x >= 0 to a few units in the last place, the same on every machine, and in half the time of std::exp.
+inline double decay(double x) {
+  constexpr int n = PowersOfHalf::kParts;
+  constexpr double ln2 = 0.6931471805599453;
+  if (!(x < 700)) return x != x ? x : 0;
+  const int k = static_cast<int>(x * (n / ln2) + 0.5);
+  const double r = k * (ln2 / n) - x, r2 = r * r;  // |r| < 0.0055
+  const double e = (1 + r) + r2 * ((0.5 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120)));
+  const long long bits = (1023LL - k / n) << 52;
+  double scale;
+  std::memcpy(&scale, &bits, sizeof scale);
+  return kPowersOfHalf.value[k % n] * scale * e;
+}
+
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
 // 2014, equation 1, without its viscous term).
 inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta) {
   if (static_level == coulomb) return coulomb;
   const double x = std::fabs(v) / vs;
   const double y = delta == 1 ? x : delta == 2 ? x * x : std::pow(x, delta);
-  return coulomb + (static_level - coulomb) * std::exp(-y);
+  return coulomb + (static_level - coulomb) * decay(y);
 }
 
 }  // namespace gms

@@ -17,6 +17,9 @@ void Joint::add(const Effect* effect, int n, const double* p) {
     if (q.name) size += q.per_element ? n : 1;
   }
   uses_.push_back({effect, n, std::vector<double>(p, p + size), n_state_});
+  const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1};
+  if (effect->modulate) modulators_.push_back(call);
+  if (effect->torque) torques_.push_back(call);
   if (effect->n_state) n_state_ += effect->n_state(n);
   if (effect->n_memory) n_memory_ += effect->n_memory(n);
 }
@@ -51,20 +54,25 @@ double Joint::torque(const Motion& motion, const double* state, double* next, do
   next[1] = motion.time;
 
   Level level;
-  for (const Use& use : uses_) {
-    if (use.effect->modulate) use.effect->modulate(use.p.data(), use.n, motion, level);
-  }
+  for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, level);
+  if (parts) std::fill(parts, parts + uses_.size(), 0.0);
   double total = 0;
-  for (size_t i = 0; i < uses_.size(); i++) {
-    const Use& use = uses_[i];
-    double part = 0;
-    if (use.effect->torque) {
-      part = use.effect->torque(use.p.data(), use.n, motion, level, state + use.state, next + use.state);
-    }
-    if (parts) parts[i] = part;
+  for (const Call& x : torques_) {
+    const double part = x.effect->torque(x.p, x.n, motion, level, state + x.state, next + x.state);
+    if (parts) parts[x.use] = part;
     total += part;
   }
   return total;
+}
+
+double Joint::torque_ahead(const Sample& now, const double* state, double h, double v, double side) const {
+  constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
+  const bool fresh = std::isnan(state[0]);
+  double moved = (fresh ? 0 : now.position - state[0]) + h * v;
+  if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill
+  const double duration = (fresh ? 0 : std::max(now.time - state[1], 0.0)) + h;
+  return torque(Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature}, state,
+                nullptr, nullptr);
 }
 
 double Joint::implicit_torque(const Sample& now, const double* state, double h, double free_velocity,

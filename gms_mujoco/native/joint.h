@@ -11,6 +11,11 @@ namespace gms {
 
 const Effect* find_effect(const std::string& name);  // null where the catalogue has none
 
+// An explicit step of a joint is stable where (w h)^2 + 2 h sigma / J < 4, w being its frequency on the springs of
+// its friction, and more accurate than an implicit one. Up to this value of h * slope / J we take it, which leaves room
+// for the coupling between joints.
+constexpr double kExplicitLimit = 2;
+
 // Where a joint is at one instant.
 struct Sample {
   double time, position, velocity;
@@ -29,6 +34,10 @@ class Joint {
     int state;              // offset into the state vector
   };
 
+  Joint() = default;
+  Joint(const Joint&) = delete;  // calls_ points into uses_
+  Joint& operator=(const Joint&) = delete;
+
   static constexpr int kAnchor = 2;
   static constexpr int kMaxState = 512;
 
@@ -45,6 +54,10 @@ class Joint {
   // null) and the torque of each effect to `parts` (may be null). `state` and `next` may not overlap.
   double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const;
 
+  // Torque at the end of a step of length h from `now` that ends with velocity v. Where that is no displacement,
+  // `side` says from which side: +1 or -1.
+  double torque_ahead(const Sample& now, const double* state, double h, double v, double side) const;
+
   // Torque over a backward-Euler step of length h from `now`: the f that solves
   //   v = free_velocity + gain f,  f in f(q + h v, v),
   // where free_velocity is the velocity at the end of the step without f, and gain = h / inertia. A static law
@@ -57,9 +70,8 @@ class Joint {
   double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain,
                          Search* search = nullptr) const;
 
-  // Change of torque per change of velocity over a step of length h, k h + sigma [N m s/rad], the larger of
-  // that from the virgin state and from the other end of its memory; very large for a static law. An explicit step is stable while h * slope / inertia < 4 (with a
-  // spring alone; 2 with viscous drag alone) and is the more accurate one below about 1.
+  // Change of torque per change of velocity over a step of length h, k h + sigma [N m s/rad], the larger of that from
+  // the virgin state and from the other end of its memory; very large for a static law.
   double slope(double h) const;
 
   // Whether the torque depends on the load.
@@ -68,7 +80,14 @@ class Joint {
  private:
   double torque(const Motion& motion, const double* state, double* next, double* parts) const;
 
+  struct Call {  // of a function of one effect
+    const Effect* effect;
+    const double* p;
+    int n, state, use;
+  };
+
   std::vector<Use> uses_;
+  std::vector<Call> modulators_, torques_;
   int n_state_ = kAnchor;
   int n_memory_ = 0;
 };

@@ -1,12 +1,14 @@
-// What MuJoCo calls: the engine plug-in `gms_mujoco.friction` and the control callback over its instances.
+// What MuJoCo calls: the engine plug-in `gms_mujoco.friction`.
 //
-// One instance is the friction of one joint. Parameters come from its <config>, state lives in plugin_state, so
-// that reset, copies, mj_getState, rollouts, saved models and finite differences work as for MuJoCo's own state.
+// One instance is the friction of one joint, or of several that have the same. Parameters come from its <config>,
+// state lives in plugin_state, so that reset, copies, mj_getState, rollouts, saved models and finite differences work
+// as for MuJoCo's own state.
 //
-// Explicit joints take their torque at the position of the step, without a load. Late joints wait for the torque of
-// the actuators: those whose friction depends on it, and implicit ones. Implicit joints (see Joint::slope) solve all
-// together for the velocities at the end of the step, with the net torque of this step: the control callback
-// does so when the controls are known; without it the last instance does, from the controls as they stand.
+// Explicit joints take their torque with the passive forces, at the position of the step. Late joints wait for the
+// torque of the actuators: those whose friction depends on it, and implicit ones. MuJoCo calls actuator plug-ins
+// when the forces of its own actuators are known but not yet summed to joint torques: we do that, as it will. Where
+// no actuators act that call is left out, and late joints are taken with the passive forces too. Implicit joints (see
+// Joint::slope) solve all together for the velocities at the end of the step.
 //
 // libmujoco is not linked: Python hands over the addresses of its functions, after a look at its version.
 #include <mujoco/mujoco.h>
@@ -15,10 +17,12 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "config.h"
+#include "implicit.h"
 #include "joint.h"
 
 #if defined(_WIN32)
@@ -27,12 +31,10 @@
 #define GMS_API extern "C" __attribute__((visibility("default")))
 #endif
 
-// The symbols of libmujoco in use, the version first. Only the last is a variable.
+// The symbols of libmujoco in use, the version first.
 #define GMS_SYMBOLS(X)                                                                                   \
   X(mj_version) X(mju_error) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig) X(mj_name2id) \
-  X(mj_rne) X(mj_fwdActuation) X(mj_solveM) X(mj_applyFT) X(mjcb_control)
-
-GMS_API void gms_control(const mjModel* m, mjData* d);
+  X(mj_rne) X(mj_fwdActuation) X(mj_applyFT)
 
 namespace {
 
@@ -53,32 +55,39 @@ constexpr int kMessage = 600;
 
 // After the joint's own state, in plugin_state: the torque that qfrc_passive contains now; whether the joint has
 // not moved since the reset; what qfrc_passive was without us; what we wrote there; where the next evaluation
-// starts from: the torque that the last advance found and the velocity it found it at, or for an implicit joint
-// the torque of the last step.
-enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kBookkeeping };
+// starts from: the torque that the last advance found, the velocity it found it at, and the slope of the law in the
+// last implicit step (below 0: not known); the slope in this step.
+enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kSlope, kNextSlope, kBookkeeping };
+
+struct Unit {  // one joint
+  const Joint* joint = nullptr;
+  int dof = -1, qpos = -1, tree = -1, state_start = -1, n_state = 0, integration = 0;
+  bool implicit = false, reads_load = false;
+  double timestep = -1, weight = -1, slope = 0;  // for which `implicit` was chosen
+
+  double* state(mjData* d) const { return d->plugin_state + state_start; }
+  double* book(mjData* d) const { return state(d) + n_state; }
+  bool late() const { return implicit || reads_load; }
+  gms::Sample now(const mjData* d, const double* load) const {
+    return {d->time, d->qpos[qpos], d->qvel[dof], reads_load && load ? load[dof] : 0, 0};
+  }
+  bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
+};
 
 struct Instance {
   Joint joint;
-  int id = -1, dof = -1, qpos = -1, integration = 0;
-  bool implicit = false, reads_load = false;
-  double timestep = -1, weight = -1;  // for which `implicit` was chosen
-
-  double* state(const mjModel* m, mjData* d) const { return d->plugin_state + m->plugin_stateadr[id]; }
-  double* book(const mjModel* m, mjData* d) const { return state(m, d) + joint.n_state(); }
-  bool late() const { return implicit || reads_load; }
-  gms::Sample now(const mjData* d) const {
-    return {d->time, d->qpos[qpos], d->qvel[dof], reads_load ? d->qfrc_actuator[dof] : 0};
-  }
-  bool asleep(const mjModel* m, const mjData* d) const { return d->tree_asleep[m->dof_treeid[dof]] >= 0; }
+  int id = -1;
+  std::vector<Unit> units;
 };
 
 // All instances of one mjData, and room to work in. Owned by its instances together.
 struct Group {
   std::vector<Instance*> instances;
-  int n_late = 0;
-  std::vector<Instance*> active;
-  std::vector<double> rhs, solution, free, torque, push, solved;
-  std::vector<Joint::Search> search;
+  int n_late = 0, n_units = 0;
+  bool inside = false;  // mj_fwdActuation, called by us
+  gms::Implicit implicit;
+  std::vector<double> tau, actuator, bias;
+  std::vector<Unit*> active;
 };
 
 struct Handle {  // what plugin_data points to
@@ -107,10 +116,22 @@ gms::Config config(const mjModel* m, int id) {
 
 std::string instance_name(const mjModel* m, int id) { return m->names + m->name_pluginadr[id]; }
 
-std::string read_instance(const mjModel* m, int id, Instance* out) {
-  out->id = id;
-  std::string name = config(m, id)("joint");
-  if (name.empty()) name = instance_name(m, id);
+// The joints of an instance: those its config names, separated by blanks, else the one it is called after. Attaching
+// a model to another changes names, not configs: a config that says how the instance was called, `name`, says
+// with that what has come before and after.
+std::vector<std::string> joint_names(const mjModel* m, int id) {
+  const std::string now = instance_name(m, id), once = config(m, id)("name"), given = config(m, id)("joint");
+  if (given.empty()) return {now};
+  const size_t at = once.empty() ? std::string::npos : now.find(once);
+  const std::string prefix = at == std::string::npos ? "" : now.substr(0, at);
+  const std::string suffix = at == std::string::npos ? "" : now.substr(at + once.size());
+  std::vector<std::string> names;
+  std::istringstream words(given);
+  for (std::string word; words >> word;) names.push_back(prefix + word + suffix);
+  return names;
+}
+
+std::string read_unit(const mjModel* m, const std::string& name, Unit* out) {
   const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
   if (joint < 0) {
     std::string known;
@@ -125,15 +146,35 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
   }
   out->dof = m->jnt_dofadr[joint];
   out->qpos = m->jnt_qposadr[joint];
+  out->tree = m->dof_treeid[out->dof];
+  return "";
+}
+
+std::string read_instance(const mjModel* m, int id, Instance* out) {
+  out->id = id;
+  Unit unit;
   const std::string integration = config(m, id)("integration");
   const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
   if (!integration.empty() && found == end) {
     return "integration must be auto, explicit or implicit; '" + integration + "' given";
   }
-  out->integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
+  unit.integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
+  for (const std::string& name : joint_names(m, id)) {
+    const std::string wrong = read_unit(m, name, &unit);
+    if (!wrong.empty()) return wrong;
+    out->units.push_back(unit);
+  }
   const std::string wrong = gms::read_effects(config(m, id), &out->joint);
-  if (wrong.empty()) out->reads_load = out->joint.reads_load();
-  return wrong;
+  if (!wrong.empty()) return wrong;
+  int start = m->plugin_stateadr[id];
+  for (Unit& x : out->units) {
+    x.joint = &out->joint;
+    x.n_state = out->joint.n_state();
+    x.reads_load = out->joint.reads_load();
+    x.state_start = start;
+    start += x.n_state + kBookkeeping;
+  }
+  return "";
 }
 
 // MuJoCo leaves through mju_error without unwinding: nothing that owns memory may be alive by then.
@@ -145,104 +186,118 @@ void report(const mjModel* m, int id, const std::string& wrong, char* message) {
 
 // Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
 // rounding error each time; another passive force that came in between is kept.
-void apply(const Instance& x, const mjModel* m, mjData* d, double f) {
-  double *book = x.book(m, d), *total = d->qfrc_passive + x.dof;
+void apply(const Unit& x, mjData* d, double f) {
+  double *book = x.book(d), *total = d->qfrc_passive + x.dof;
   if (*total != book[kSum]) book[kBase] += *total - book[kSum];
   book[kTorque] = f;
   *total = book[kSum] = book[kBase] + f;
 }
 
-void choose_integration(const mjModel* m, Group* g) {
-  const double h = m->opt.timestep;
-  g->n_late = 0;
-  for (Instance* x : g->instances) {
-    const double weight = m->dof_invweight0[x->dof];
-    if (x->timestep != h || x->weight != weight) {
-      x->timestep = h;
-      x->weight = weight;
-      x->implicit = x->integration == 2 || (x->integration == 0 && h * weight * x->joint.slope(h) > 1);
-    }
-    g->n_late += x->late();
-  }
+// Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
+// that is left for the coupling between joints, and below it the explicit step is the more accurate one.
+void choose_integration(const mjModel* m, Group* g, Unit* x) {
+  g->n_late -= x->late();
+  x->timestep = m->opt.timestep;
+  x->weight = m->dof_invweight0[x->dof];
+  x->slope = x->joint->slope(x->timestep);
+  x->implicit = x->integration == 2 ||
+                (x->integration == 0 && x->timestep * x->weight * x->slope > gms::kExplicitLimit);
+  g->n_late += x->late();
 }
 
-// Torque of all late joints. Of the implicit ones together, by backward Euler, v+ = v + h M^-1 (tau + f(v+)), with
-// Gauss-Seidel over the joints. `bias` is qfrc_bias; actuator forces must be up to date.
-void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias) {
-  const double h = m->opt.timestep;
-  const int nv = m->nv;
-  g->active.clear();
-  for (Instance* x : g->instances) {
-    if (!x->late() || x->asleep(m, d)) continue;
-    if (!x->implicit) {
-      apply(*x, m, d, x->joint.torque(x->now(d), x->state(m, d), nullptr));
-      continue;
-    }
-    // Between the anchor and the end of the step are the stages of RK4: they keep the torque of the first.
-    const double anchor = x->state(m, d)[1];
-    if (d->time > anchor) continue;
-    g->active.push_back(x);
+// Torque of the actuators on each dof, from the forces they have now; null where MuJoCo has to do more than clamp
+// and sum.
+const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
+  for (int i = 0; i < m->nactuator; i++) {
+    if (m->actuator_biastype[i] == mjBIAS_DCMOTOR || m->actuator_outnum[i] != 1) return nullptr;
+    if (m->actuator_trntype[i] == mjTRN_TENDON && m->tendon_actfrclimited[m->actuator_trnid[2 * i]]) return nullptr;
   }
-  const int n = static_cast<int>(g->active.size());
+  double* torque = g->actuator.data();
+  std::fill(torque, torque + m->nv, 0.0);
+  for (int i = 0; i < m->nactuator; i++) {
+    const int out = m->actuator_outadr[i], start = d->moment_rowadr[out];
+    double force = d->actuator_force[out];
+    if (m->actuator_forcelimited[i]) {
+      force = std::min(std::max(force, m->actuator_forcerange[2 * i]), m->actuator_forcerange[2 * i + 1]);
+    }
+    if (force == 0) continue;
+    for (int k = 0; k < d->moment_rownnz[out]; k++) {
+      torque[d->moment_colind[start + k]] += d->actuator_moment[start + k] * force;
+    }
+  }
+  const double* gravity = m->opt.gravity;
+  const bool compensated = m->flg_gravcomp && !(m->opt.disableflags & mjDSBL_GRAVITY) &&
+                           (gravity[0] != 0 || gravity[1] != 0 || gravity[2] != 0);
+  for (int i = 0; i < m->njnt; i++) {
+    const int dof = m->jnt_dofadr[i];
+    if (compensated && m->jnt_actgravcomp[i]) {
+      const int size = m->jnt_type[i] == mjJNT_FREE ? 6 : m->jnt_type[i] == mjJNT_BALL ? 3 : 1;
+      for (int k = dof; k < dof + size; k++) torque[k] += d->qfrc_gravcomp[k];
+    }
+    if (m->jnt_actfrclimited[i]) {
+      torque[dof] = std::min(std::max(torque[dof], m->jnt_actfrcrange[2 * i]), m->jnt_actfrcrange[2 * i + 1]);
+    }
+  }
+  return torque;
+}
+
+// Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
+void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
+  const double h = m->opt.timestep;
+  int n = 0;
+  for (Instance* instance : g->instances) {
+    for (Unit& x : instance->units) {
+      if (!x.late() || x.asleep(d)) continue;
+      double *state = x.state(d), *book = state + x.n_state;
+      if (!x.implicit) {
+        apply(x, d, x.joint->torque(x.now(d, actuator), state, nullptr));
+        continue;
+      }
+      if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
+      if (d->qfrc_passive[x.dof] != book[kSum]) {  // another has added to it since we wrote
+        book[kBase] += d->qfrc_passive[x.dof] - book[kSum];
+        book[kSum] = d->qfrc_passive[x.dof];
+      }
+      g->active[n] = &x;
+      auto& u = g->implicit.units[n++];
+      u.joint = x.joint;
+      u.dof = x.dof;
+      u.weight = x.weight;
+      u.steepest = x.slope;
+      u.now = x.now(d, actuator);
+      u.state = state;
+      u.torque = book[kAhead];
+      u.slope = book[kSlope];
+    }
+  }
   if (n == 0) return;
 
-  // Velocities without our torque, and the response of each joint to the torque on each.
-  double *tau = g->rhs.data(), *acceleration = g->solution.data();
-  std::fill(tau, tau + (n + 1) * nv, 0.0);
-  for (int i = 0; i < nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + d->qfrc_actuator[i];
+  double* tau = g->tau.data();
+  for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
   for (int i = 0; i < n; i++) {
-    const Instance& x = *g->active[i];
-    const double* book = x.book(m, d);
-    // `base` lacks what another has added since we wrote.
-    const double base = book[kBase] + (d->qfrc_passive[x.dof] - book[kSum]);
-    tau[x.dof] = base - bias[x.dof] + d->qfrc_applied[x.dof] + d->qfrc_actuator[x.dof];
-    tau[(i + 1) * nv + x.dof] = 1;
+    const Unit* x = g->active[i];
+    tau[x->dof] = x->book(d)[kBase] - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
   }
   for (int i = 1; i < m->nbody; i++) {
-    const double* wrench = d->xfrc_applied + 6 * i;
-    if (std::any_of(wrench, wrench + 6, [](double w) { return w != 0; })) {
-      engine.mj_applyFT(m, d, wrench, wrench + 3, d->xipos + 3 * i, i, tau);
+    const double* w = d->xfrc_applied + 6 * i;
+    if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0 || w[4] != 0 || w[5] != 0) {
+      engine.mj_applyFT(m, d, w, w + 3, d->xipos + 3 * i, i, tau);
     }
   }
-  engine.mj_solveM(m, d, acceleration, tau, n + 1);
-
   // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
   const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
                       !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
-  double* response = tau;  // n x n: change of velocity of one joint by the torque on another
-  double *free = g->free.data(), *f = g->torque.data(), *push = g->push.data(), *solved = g->solved.data();
+  const gms::Tree inertia{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind, d->M, d->qLD, d->qLDiagInv};
+  g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, h);
   for (int i = 0; i < n; i++) {
-    const Instance& x = *g->active[i];
-    free[i] = d->qvel[x.dof] + h * acceleration[x.dof];
-    g->search[i] = Joint::Search();
-    g->search[i].velocity = d->qvel[x.dof];
-    f[i] = push[i] = x.book(m, d)[kAhead];
-    for (int j = 0; j < n; j++) response[i * n + j] = h * acceleration[(i + 1) * nv + g->active[j]->dof];
+    const auto& u = g->implicit.units[i];
+    apply(*g->active[i], d, u.torque);
+    g->active[i]->book(d)[kNextSlope] = u.slope;
   }
-  for (int sweep = 0, changed = 1; sweep < 100 && changed; sweep++) {
-    changed = 0;
-    for (int i = 0; i < n; i++) {
-      const Instance& x = *g->active[i];
-      const double* row = response + i * n;
-      double v = free[i], gain = row[i];
-      for (int j = 0; j < n; j++) v += j == i ? 0 : row[j] * push[j];
-      if (sweep > 0 && std::fabs(v - solved[i]) <= 1e-9 * gain * std::fabs(f[i])) continue;
-      changed = n > 1;
-      solved[i] = v;
-      const double damping = damped ? m->dof_damping[x.dof] : 0, v_now = d->qvel[x.dof];
-      v = (v + gain * damping * v_now) / (1 + gain * damping);
-      gain /= 1 + gain * damping;
-      f[i] = x.joint.implicit_torque(x.now(d), x.state(m, d), h, v, gain, &g->search[i]);
-      push[i] = f[i] - damping * (v + gain * f[i] - v_now);
-    }
-  }
-  for (int i = 0; i < n; i++) apply(*g->active[i], m, d, f[i]);
 }
 
-// MuJoCo skips the control callback where actuation is disabled.
-bool callback_follows(const mjModel* m) {
-  return *engine.mjcb_control == gms_control && !(m->opt.disableflags & mjDSBL_ACTUATION);
-}
+// Where no actuators act, MuJoCo does not call us among them.
+bool actuators_follow(const mjModel* m) { return m->nactuator > 0 && !(m->opt.disableflags & mjDSBL_ACTUATION); }
 
 // ------------------------------------------------------------------------------------------- what MuJoCo calls
 
@@ -253,7 +308,7 @@ int nstate(const mjModel* m, int id) {
     Joint joint;
     const std::string wrong = gms::read_effects(config(m, id), &joint);
     if (!wrong.empty()) report(m, id, wrong, message);
-    n = joint.n_state() + kBookkeeping;
+    n = (joint.n_state() + kBookkeeping) * static_cast<int>(joint_names(m, id).size());
   }
   if (message[0]) engine.mju_error("%s", message);
   return n;
@@ -268,19 +323,23 @@ int init(const mjModel* m, mjData* d, int id) {
     Handle* first = first_handle(m, d, id);
     made->group = first ? first->group : std::make_shared<Group>();
     Group& g = *made->group;
+    std::vector<int> taken;
     for (const Instance* other : g.instances) {
-      if (wrong.empty() && other->dof == made->instance.dof) {
-        wrong = "its joint has the friction of instance '" + instance_name(m, other->id) + "' already";
+      for (const Unit& x : other->units) taken.push_back(x.dof);
+    }
+    for (const Unit& x : made->instance.units) {
+      if (wrong.empty() && std::count(taken.begin(), taken.end(), x.dof)) {
+        wrong = "joint '" + std::string(m->names + m->name_jntadr[m->dof_jntid[x.dof]]) + "' has friction already";
       }
+      taken.push_back(x.dof);
     }
     if (wrong.empty()) {
       g.instances.push_back(&made->instance);
-      const size_t n = g.instances.size();
-      g.active.reserve(n);
-      g.rhs.resize((n + 1) * m->nv);
-      g.solution.resize((n + 1) * m->nv);
-      for (std::vector<double>* v : {&g.free, &g.torque, &g.push, &g.solved}) v->resize(n);
-      g.search.resize(n);
+      for (const Unit& x : made->instance.units) g.n_late += x.late();
+      const int n = static_cast<int>(taken.size());
+      g.active.resize(n);
+      g.implicit.reserve(n, m->nv, m->nC);
+      for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias}) v->resize(m->nv);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
     } else {
       report(m, id, wrong, message);
@@ -301,76 +360,86 @@ void destroy(mjData* d, int id) {
 
 // MuJoCo hands over the state alone, and may do so before init.
 void reset(const mjModel* m, mjtNum* state, void*, int id) {
-  const int n = m->plugin_statenum[id];
-  std::fill(state, state + n, 0.0);
-  state[0] = state[1] = std::nan("");
-  state[n - kBookkeeping + kFresh] = 1;
+  const int total = m->plugin_statenum[id], n = total / static_cast<int>(joint_names(m, id).size());
+  std::fill(state, state + total, 0.0);
+  for (int start = 0; start < total; start += n) {
+    state[start] = state[start + 1] = std::nan("");
+    state[start + n - kBookkeeping + kFresh] = 1;
+    state[start + n - kBookkeeping + kSlope] = state[start + n - kBookkeeping + kNextSlope] = -1;
+  }
 }
 
-void compute(const mjModel* m, mjData* d, int id, int) {
-  Handle* h = handle(d, id);
-  Group& g = *h->group;
-  const Instance& x = h->instance;
-  if (&x == g.instances.front()) choose_integration(m, &g);
-  if (!x.asleep(m, d)) {
-    double *state = x.state(m, d), *book = state + x.joint.n_state();
-    const gms::Sample now = x.now(d);
-    // Setting a position after a reset, or turning time back, is no motion.
-    if (now.time < state[1]) book[kFresh] = 1;
-    if (book[kFresh] && !(now.time > state[1])) {
-      // The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
-      double first[Joint::kMaxState];
-      state[0] = state[1] = std::nan("");
-      x.joint.torque(now, state, first);
-      std::copy(first, first + x.joint.n_state(), state);
-    }
-    double f = book[kTorque];  // of a late joint, until it is known better
-    if (!x.late()) {  // as a rule the last advance has evaluated just this
-      const bool known = !book[kFresh] && now.position == state[0] && now.time == state[1] &&
-                         now.velocity == book[kAheadVelocity];
-      f = known ? book[kAhead] : x.joint.torque(now, state, nullptr);
-    }
-    double* total = d->qfrc_passive + x.dof;
-    book[kTorque] = f;
-    book[kBase] = *total;
-    *total = book[kSum] = book[kBase] + f;
+// The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
+void set_out(const Unit& x, mjData* d) {
+  double *state = x.state(d), first[Joint::kMaxState];
+  state[0] = state[1] = std::nan("");
+  x.joint->torque(x.now(d, nullptr), state, first);
+  std::copy(first, first + x.n_state, state);
+}
+
+inline void compute_passive(const mjModel* m, mjData* d, Group* g, Unit* x) {
+  if (x->timestep != m->opt.timestep || x->weight != m->dof_invweight0[x->dof]) choose_integration(m, g, x);
+  if (x->asleep(d)) return;
+  double *state = x->state(d), *book = state + x->n_state;
+  // Setting a position after a reset, or turning time back, is no motion.
+  if (d->time < state[1]) book[kFresh] = 1;
+  if (book[kFresh] != 0 && !(d->time > state[1])) set_out(*x, d);
+  double f = book[kTorque];  // of a late joint, until it is known better
+  if (!x->late()) {  // as a rule the last advance has evaluated just this
+    const bool known = d->qpos[x->qpos] == state[0] && d->time == state[1] &&
+                       d->qvel[x->dof] == book[kAheadVelocity] && book[kFresh] == 0;
+    f = known ? book[kAhead] : x->joint->torque(x->now(d, nullptr), state, nullptr);
   }
-  if (&x == g.instances.back() && g.n_late > 0 && !callback_follows(m)) {
-    double* bias = g.solution.data();  // free until the system is solved
+  double* total = d->qfrc_passive + x->dof;
+  book[kTorque] = f;
+  book[kBase] = *total;
+  *total = book[kSum] = book[kBase] + f;
+}
+
+void compute(const mjModel* m, mjData* d, int id, int capability) {
+  Handle* h = handle(d, id);
+  Group* g = h->group.get();
+  const bool last = &h->instance == g->instances.back();
+  if (capability == mjPLUGIN_PASSIVE) {
+    for (Unit& x : h->instance.units) compute_passive(m, d, g, &x);
+    if (!last || g->n_late == 0 || actuators_follow(m)) return;
+    double* bias = g->bias.data();
     std::fill(bias, bias + m->nv, 0.0);
     engine.mj_rne(m, d, 0, bias);
-    engine.mj_fwdActuation(m, d);
-    evaluate_late(m, d, &g, bias);
+    std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
+    evaluate_late(m, d, g, bias, g->actuator.data());
+  } else if (last && g->n_late > 0 && !g->inside) {
+    const double* torque = actuator_torque(m, d, g);
+    if (!torque) {
+      g->inside = true;
+      engine.mj_fwdActuation(m, d);
+      g->inside = false;
+      torque = d->qfrc_actuator;
+    }
+    evaluate_late(m, d, g, d->qfrc_bias, torque);
   }
 }
 
 // The motion over the step has happened: the state moves on to where the joint is now.
-void advance(const mjModel* m, mjData* d, int id) {
-  const Instance& x = handle(d, id)->instance;
-  double *state = x.state(m, d), *book = state + x.joint.n_state(), next[Joint::kMaxState];
-  if (x.asleep(m, d)) {
-    if (!std::isnan(state[1])) state[1] = d->time;
-    return;
+void advance(const mjModel*, mjData* d, int id) {
+  double next[Joint::kMaxState];
+  for (const Unit& x : handle(d, id)->instance.units) {
+    double *state = x.state(d), *book = state + x.n_state;
+    if (x.asleep(d)) {
+      if (!std::isnan(state[1])) state[1] = d->time;
+      continue;
+    }
+    book[kAhead] = x.joint->torque(x.now(d, d->qfrc_actuator), state, next);
+    book[kAheadVelocity] = d->qvel[x.dof];
+    book[kFresh] = 0;
+    book[kSlope] = book[kNextSlope];
+    for (int i = 0; i < x.n_state; i++) state[i] = next[i];
   }
-  const double ahead = x.joint.torque(x.now(d), state, next);
-  book[kAhead] = x.implicit ? book[kTorque] : ahead;
-  book[kAheadVelocity] = d->qvel[x.dof];
-  book[kFresh] = 0;
-  std::copy(next, next + x.joint.n_state(), state);
 }
 
 }  // namespace
 
 // ------------------------------------------------------------------------------------------ what Python calls
-
-// For mujoco.set_mjcb_control, or at the end of another control callback: evaluates late joints with the controls
-// of this step. Does nothing in models without our plug-in.
-GMS_API void gms_control(const mjModel* m, mjData* d) {
-  Handle* first = first_handle(m, d, static_cast<int>(m->nplugin));
-  if (!first || first->group->n_late == 0) return;
-  engine.mj_fwdActuation(m, d);
-  evaluate_late(m, d, first->group.get(), d->qfrc_bias);
-}
 
 // Names of the symbols of libmujoco that gms_engine_init takes the addresses of, in this order.
 GMS_API const char* const* gms_engine_symbols(int* n) {
@@ -399,7 +468,7 @@ GMS_API int gms_engine_init(void* const* table, char* error, int size) {
   GMS_SYMBOLS(GMS_TAKE)
 #undef GMS_TAKE
 
-  static std::vector<std::string> keys = {"joint", "integration"};
+  static std::vector<std::string> keys = {"joint", "name", "integration"};
   static std::vector<const char*> attributes;
   static mjpPlugin plugin;
   if (attributes.empty()) {
@@ -410,7 +479,7 @@ GMS_API int gms_engine_init(void* const* table, char* error, int size) {
   plugin.name = kPlugin;
   plugin.nattribute = static_cast<int>(attributes.size());
   plugin.attributes = attributes.data();
-  plugin.capabilityflags = mjPLUGIN_PASSIVE;
+  plugin.capabilityflags = mjPLUGIN_PASSIVE | mjPLUGIN_ACTUATOR;
   plugin.nstate = nstate;
   plugin.init = init;
   plugin.destroy = destroy;
@@ -427,14 +496,17 @@ GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint
                                     int* end) {
   *torque = -1;
   for (int id = 0; id < m->nplugin; id++) {
-    if (m->plugin[id] != plugin_slot || handle(d, id)->instance.dof != m->jnt_dofadr[joint]) continue;
-    const Joint& x = handle(d, id)->instance.joint;
-    const int start = m->plugin_stateadr[id], n = static_cast<int>(x.uses().size());
-    *torque = start + x.n_state() + kTorque;
-    if (i >= n) return nullptr;
-    *begin = start + x.uses()[i].state;
-    *end = start + (i + 1 < n ? x.uses()[i + 1].state : x.n_state());
-    return x.uses()[i].effect->name;
+    if (m->plugin[id] != plugin_slot) continue;
+    for (const Unit& x : handle(d, id)->instance.units) {
+      if (x.dof != m->jnt_dofadr[joint]) continue;
+      const auto& uses = x.joint->uses();
+      const int n = static_cast<int>(uses.size());
+      *torque = x.state_start + x.n_state + kTorque;
+      if (i >= n) return nullptr;
+      *begin = x.state_start + uses[i].state;
+      *end = x.state_start + (i + 1 < n ? uses[i + 1].state : x.n_state);
+      return uses[i].effect->name;
+    }
   }
   return nullptr;
 }

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "effect.h"
+#include "implicit.h"
 #include "joint.h"
 
 #if defined(_WIN32)
@@ -72,7 +73,14 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
     joint->reset(state.data());
   }
   const double h = sample_time / substeps, mobility = 1 / inertia;
-  if (implicit < 0) implicit = h * joint->slope(h) * mobility > 1;
+  const double steepest = joint->slope(h);
+  if (implicit < 0) implicit = h * steepest * mobility > gms::kExplicitLimit;
+
+  const int one = 1, zero = 0;
+  const gms::Tree tree{1, &one, &zero, &zero, &inertia, nullptr, nullptr};
+  gms::Implicit solver;
+  solver.reserve(1, 1, 1);
+  double slope = -1;
 
   gms::Sample now{start, position[0], velocity[0]};
   for (int k = 0; k < n; k++) {
@@ -82,7 +90,18 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
       double f = joint->torque(now, state.data(), next.data());
       state.swap(next);
       if (implicit) {
-        f = joint->implicit_torque(now, state.data(), h, now.velocity + h * mobility * torque[k], h * mobility);
+        auto& unit = solver.units[0];
+        unit.joint = joint;
+        unit.dof = 0;
+        unit.weight = mobility;
+        unit.steepest = steepest;
+        unit.now = now;
+        unit.state = state.data();
+        unit.torque = f;
+        unit.slope = slope;
+        solver.solve(1, tree, nullptr, &now.velocity, &torque[k], h);
+        f = unit.torque;
+        slope = unit.slope;
       }
       if (i == 0) {
         position[k] = now.position;

@@ -1,0 +1,255 @@
+#include "implicit.h"
+
+#include <algorithm>
+
+namespace gms {
+
+namespace {
+
+constexpr double kHold = 1e30;      // on the diagonal: the velocity of this joint is prescribed
+constexpr double kExact = 1e-7;     // a law this close to its tangent is on it, in parts of the torque
+constexpr double kSoft = 0.05;      // h slope / inertia below which a tangent may be taken as level
+constexpr double kLeft = 0.05;      // error that may be left, in parts of the change of torque over the step
+constexpr double kStiff = 1;        // h slope / inertia from which joints are solved for together
+constexpr int kIterations = 12;
+
+void multiply(const Tree& tree, const double* x, double* y) {
+  std::fill(y, y + tree.n, 0.0);
+  for (int i = 0; i < tree.n; i++) {
+    const double* row = tree.value + tree.row_start[i];
+    const int *column = tree.column + tree.row_start[i], last = tree.row_size[i] - 1;
+    for (int k = 0; k < last; k++) {
+      y[i] += row[k] * x[column[k]];
+      y[column[k]] += row[k] * x[i];
+    }
+    y[i] += row[last] * x[i];
+  }
+}
+
+}  // namespace
+
+void Implicit::reserve(int n_units, int n, int n_value) {
+  units.resize(n_units);
+  factor_.resize(n_value);
+  for (std::vector<double>* v : {&diagonal_, &change_, &product_}) v->resize(n);
+  for (std::vector<double>* v : {&free_, &push_, &solved_}) v->resize(n_units);
+  response_.resize(n_units * n_units);
+  search_.resize(n_units);
+}
+
+// M = L' D L in place, from the leaves to the root.
+void Implicit::factor(const Tree& tree) {
+  double* value = factor_.data();
+  for (int k = tree.n - 1; k >= 0; k--) {
+    double* row = value + tree.row_start[k];
+    const int* column = tree.column + tree.row_start[k];
+    const int last = tree.row_size[k] - 1;
+    const double inverse = 1 / row[last];
+    diagonal_[k] = inverse;
+    for (int i = last - 1; i >= 0; i--) {
+      double* above = value + tree.row_start[column[i]];
+      const double ratio = row[i] * inverse;
+      for (int j = 0; j <= i; j++) above[j] -= ratio * row[j];
+      row[i] = ratio;
+    }
+  }
+}
+
+void Implicit::substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const {
+  for (int k = tree.n - 1; k >= 0; k--) {
+    const double *row = factor + tree.row_start[k], value = x[k];
+    const int *column = tree.column + tree.row_start[k], last = tree.row_size[k] - 1;
+    if (value != 0) {
+      for (int i = 0; i < last; i++) x[column[i]] -= row[i] * value;
+    }
+  }
+  for (int k = 0; k < tree.n; k++) {
+    const double* row = factor + tree.row_start[k];
+    const int *column = tree.column + tree.row_start[k], last = tree.row_size[k] - 1;
+    double value = x[k] * inverse_diagonal[k];
+    for (int i = 0; i < last; i++) value -= row[i] * x[column[i]];
+    x[k] = value;
+  }
+}
+
+// The tangent of the law at a velocity, seen from the side of it that lies further from standstill.
+void Implicit::tangent(Unit* u, double at, double h) const {
+  const double side = at == u->still ? u->side : at > u->still ? 1 : -1;
+  const double size = std::fabs(at - u->still), small = size > 0 ? 1e-4 * size : 1e-9 / h;
+  u->side = side;
+  u->origin = at;
+  u->value = u->joint->torque_ahead(u->now, u->state, h, at, side);
+  const double beyond = u->joint->torque_ahead(u->now, u->state, h, at + side * small, side);
+  u->used = u->slope = std::max(0.0, (u->value - beyond) * side / small);
+}
+
+// The motion has come to standstill or starts from there: where the law jumps it holds for now, else its tangent at
+// standstill on this side is where Newton converges from.
+void Implicit::hold_or_start(Unit* u, double side, double h) const {
+  u->forward = u->joint->torque_ahead(u->now, u->state, h, u->still, 1);
+  u->backward = u->joint->torque_ahead(u->now, u->state, h, u->still, -1);
+  u->side = side;
+  if (u->backward - u->forward > kExact * (std::fabs(u->backward) + std::fabs(u->forward))) {
+    u->used = u->slope = kInfinity;
+  } else {
+    tangent(u, u->still, h);
+  }
+}
+
+// Looks at the law where the tangents led, and puts right what is not right. Returns whether all was.
+bool Implicit::settled(Unit* u, double velocity, double now, double reaction, double h) const {
+  if (u->slope == kInfinity) {
+    if (std::isnan(u->forward)) {
+      u->forward = u->joint->torque_ahead(u->now, u->state, h, u->still, 1);
+      u->backward = u->joint->torque_ahead(u->now, u->state, h, u->still, -1);
+    }
+    u->torque = reaction;
+    if (reaction >= u->forward && reaction <= u->backward) return true;
+    u->side = reaction < u->forward ? 1 : -1;
+    tangent(u, u->still, h);
+    return false;
+  }
+  const double side = velocity > u->still ? 1 : velocity < u->still ? -1 : u->side;
+  const double f = u->joint->torque_ahead(u->now, u->state, h, velocity, side);
+  u->torque = u->value - u->used * (velocity - u->origin);
+  const double off = std::fabs(f - u->torque), size = std::fabs(f) + std::fabs(u->torque);
+  if (off <= kExact * size) return true;
+  // Acting in place of its tangent, f changes the velocity, and the law is off by what it changes over that. The
+  // step itself errs by about half the change of torque over it; much less than that is good enough. On the side
+  // that the joint comes from more and more of it slips, so that the slope known bounds those to come.
+  const double bound = side * (now - u->still) > 0 ? std::max(u->slope, u->used) : u->steepest;
+  if (off * h * bound * u->weight <= kLeft * std::fabs(f - u->start)) {
+    u->torque = f;
+    return true;
+  }
+  if (side != u->side) {
+    hold_or_start(u, side, h);
+  } else {
+    tangent(u, velocity, h);
+  }
+  return false;
+}
+
+void Implicit::solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h) {
+  for (int i = 0; i < count; i++) {
+    Unit& u = units[i];
+    const double now = velocity[u.dof], free = now + dv[u.dof], start = u.torque;
+    const double gain = h * u.weight / (1 + (damping ? h * u.weight * damping[u.dof] : 0));
+    double v = free;
+    for (int k = 0; k < 4; k++) {
+      u.torque = u.joint->torque_ahead(u.now, u.state, h, v, v > u.still ? 1 : v < u.still ? -1 : sign(now));
+      const double change = u.torque - start, off = free + gain * change - v;
+      if (std::fabs(off) * u.steepest <= kLeft * std::fabs(change)) break;
+      const double chord = v == u.still ? 0 : std::max(0.0, -change / (v - u.still));
+      v += off / (1 + gain * chord);
+    }
+    u.slope = -1;
+  }
+}
+
+void Implicit::solve(int count, const Tree& inertia, const double* damping, const double* velocity,
+                     const double* tau, double h) {
+  const int n = inertia.n;
+  bool stiff = false, damped = false;
+  for (int i = 0; i < count; i++) {
+    Unit& u = units[i];
+    u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
+    stiff |= h * u.steepest * u.weight > kStiff;
+  }
+  for (int i = 0; damping && i < n; i++) damped |= damping[i] != 0;
+  for (int i = 0; stiff && i < count; i++) {
+    Unit& u = units[i];
+    u.forward = u.backward = kUnset;
+    u.side = sign(velocity[u.dof] - u.still);
+    u.origin = u.still;
+    u.value = u.start = u.torque;
+    if (u.slope < 0) hold_or_start(&u, u.side != 0 ? u.side : 1, h);
+    u.used = h * u.slope * u.weight < kSoft ? 0 : u.slope;
+  }
+
+  double* dv = change_.data();
+  for (int iteration = 0; iteration < kIterations; iteration++) {
+    bool holds = false, level = !damped && inertia.factor;
+    for (int i = 0; i < n; i++) dv[i] = h * tau[i];
+    for (int i = 0; i < count; i++) {
+      const Unit& u = units[i];
+      if (!stiff) {
+        dv[u.dof] += h * u.torque;
+      } else if (u.used == kInfinity) {
+        holds = true;
+      } else {
+        level &= u.used == 0;
+        dv[u.dof] += h * (u.value - u.used * (velocity[u.dof] - u.origin));
+      }
+    }
+    if (level && !holds) {
+      substitute(inertia, inertia.factor, inertia.inverse_diagonal, dv);
+    } else {
+      std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
+      for (int i = 0; damped && i < n; i++) {
+        factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
+      }
+      for (int i = 0; stiff && i < count; i++) {
+        const Unit& u = units[i];
+        double* diagonal = &factor_[inertia.row_start[u.dof] + inertia.row_size[u.dof] - 1];
+        if (u.used == kInfinity) {
+          dv[u.dof] = kHold * *diagonal * (u.still - velocity[u.dof]);
+          *diagonal *= kHold;
+        } else {
+          *diagonal += h * u.used;
+        }
+      }
+      factor(inertia);
+      substitute(inertia, factor_.data(), diagonal_.data(), dv);
+    }
+    if (!stiff) return solve_alone(count, damped ? damping : nullptr, velocity, dv, h);
+    if (holds) multiply(inertia, dv, product_.data());
+    bool done = true;
+    for (int i = 0; i < count; i++) {
+      const int k = units[i].dof;
+      const double reaction = holds ? product_[k] / h + (damped ? damping[k] * dv[k] : 0) - tau[k] : 0;
+      done &= settled(&units[i], velocity[k] + dv[k], velocity[k], reaction, h);
+    }
+    if (done) return;
+  }
+  sweep(count, inertia, damping, velocity, tau, h);
+}
+
+void Implicit::sweep(int count, const Tree& inertia, const double* damping, const double* velocity,
+                     const double* tau, double h) {
+  const int n = inertia.n;
+  std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
+  for (int i = 0; damping && i < n; i++) {
+    factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
+  }
+  factor(inertia);
+  double* x = change_.data();
+  for (int i = 0; i < n; i++) x[i] = h * tau[i];
+  substitute(inertia, factor_.data(), diagonal_.data(), x);
+  for (int i = 0; i < count; i++) free_[i] = velocity[units[i].dof] + x[units[i].dof];
+  for (int j = 0; j < count; j++) {
+    std::fill(x, x + n, 0.0);
+    x[units[j].dof] = h;
+    substitute(inertia, factor_.data(), diagonal_.data(), x);
+    for (int i = 0; i < count; i++) response_[i * count + j] = x[units[i].dof];
+    search_[j] = Joint::Search();
+    search_[j].velocity = velocity[units[j].dof];
+    push_[j] = units[j].torque;
+  }
+  for (int pass = 0, changed = 1; pass < 100 && changed; pass++) {
+    changed = 0;
+    for (int i = 0; i < count; i++) {
+      Unit& u = units[i];
+      const double *row = &response_[i * count], gain = row[i];
+      double v = free_[i];
+      for (int j = 0; j < count; j++) v += j == i ? 0 : row[j] * push_[j];
+      if (pass > 0 && std::fabs(v - solved_[i]) <= 1e-9 * gain * std::fabs(push_[i])) continue;
+      changed = count > 1;
+      solved_[i] = v;
+      push_[i] = u.torque = u.joint->implicit_torque(u.now, u.state, h, v, gain, &search_[i]);
+    }
+  }
+  for (int i = 0; i < count; i++) units[i].slope = -1;
+}
+
+}  // namespace gms

@@ -1,0 +1,76 @@
+// Backward Euler for friction of joints that are coupled through a mass matrix.
+#ifndef GMS_MUJOCO_NATIVE_IMPLICIT_H_
+#define GMS_MUJOCO_NATIVE_IMPLICIT_H_
+
+#include <vector>
+
+#include "joint.h"
+
+namespace gms {
+
+// A symmetric matrix with the sparsity of a kinematic tree, as MuJoCo stores its inertia: the lower triangle by rows,
+// the diagonal last in each, and the columns of row i at the front of every row below that has a column i.
+struct Tree {
+  int n;
+  const int *row_size, *row_start, *column;
+  const double* value;
+  // Where it has been factored already, L' D L with a unit diagonal of L, and 1 / D; else null.
+  const double *factor, *inverse_diagonal;
+  int size() const { return row_start[n - 1] + row_size[n - 1]; }
+};
+
+// Finds the torques f that solve, for all joints together,
+//   (M + h D) dv = h (tau + f),  f_i in f_i(q_i + h (v_i + dv_i), v_i + dv_i).
+//
+// Where friction is stiff, by semismooth Newton: every joint's law is replaced by its tangent, which adds its slope to
+// the diagonal of M and leaves the sparsity of the tree; one factorization and one solution give the velocities; a
+// law that is not on its tangent there gets a new one. A law that jumps where the direction changes holds the joint
+// while the torque that this takes lies inside the jump. In most steps the tangents of the last step are still right:
+// then a joint costs one evaluation of its law. Where Newton does not settle, Gauss-Seidel with a bracketed search per
+// joint does.
+//
+// Where no joint is stiff (h slope / inertia < 1), each is solved for alone, the others having the torque they began
+// the step with: the coupling of the changes is then as explicit as all the rest of the step, and M is not factored.
+class Implicit {
+ public:
+  struct Unit {
+    const Joint* joint;
+    int dof;
+    double weight;        // inverse inertia at the joint, roughly
+    double steepest;      // Joint::slope
+    Sample now;
+    const double* state;  // the joint's, at the anchor
+    double torque;        // in: at the anchor; out: over the step
+    double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
+
+    // Of the solution.
+    double start;                       // torque at the anchor
+    double still, side, origin, value;  // velocity of no displacement; side of it; point of the tangent
+    double used;                        // slope of the tangent in use: 0 where little depends on it
+    double forward, backward;           // torque at the onset of motion either way; NaN: not looked at
+  };
+
+  std::vector<Unit> units;  // filled by the caller for each step
+
+  void reserve(int n_units, int n, int n_value);
+
+  // The first `count` units. `damping` (n) and `velocity` (n); `tau` (n) is the net torque
+  // without that of the units.
+  void solve(int count, const Tree& inertia, const double* damping, const double* velocity, const double* tau, double h);
+
+ private:
+  bool settled(Unit* unit, double velocity, double now, double reaction, double h) const;
+  void tangent(Unit* unit, double at, double h) const;
+  void hold_or_start(Unit* unit, double side, double h) const;
+  void solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h);
+  void factor(const Tree& tree);
+  void substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const;
+  void sweep(int count, const Tree& inertia, const double* damping, const double* velocity, const double* tau, double h);
+
+  std::vector<double> factor_, diagonal_, change_, product_, response_, free_, push_, solved_;
+  std::vector<Joint::Search> search_;
+};
+
+}  // namespace gms
+
+#endif  // GMS_MUJOCO_NATIVE_IMPLICIT_H_
