@@ -1,3 +1,50 @@
-"""Realistic joint friction for MuJoCo: simulate it, identify it, and find the effect that is missing."""
+"""Realistic joint friction for MuJoCo: simulate it, identify it, and find the effect that is missing.
 
-__version__ = "0.1.0"
+    import gms_mujoco as gms
+
+    runs = gms.load("measurements/")
+    plant = gms.fit(gms.baseline(runs.inertia, runs.kind), runs.fit).plant
+    print(gms.compare(plant, runs.validate))
+    print(gms.diagnose(runs))
+
+Importing the package registers its friction plug-in with MuJoCo.
+"""
+
+from . import effects
+from .compare import Comparison, compare
+from .dataset import Dataset, load
+from .diagnose import Diagnosis, diagnose
+from .effect import Effect
+from .engine import attach, friction
+from .errors import DataError, EngineError, GmsError, ModelError
+from .fit import FitResult, baseline, fit
+from .parameter import Parameter
+from .plant import Plant
+from .record import Record
+from .simulate import simulate
+from .version import __version__
+
+__all__ = [
+    "Comparison",
+    "DataError",
+    "Dataset",
+    "Diagnosis",
+    "Effect",
+    "EngineError",
+    "FitResult",
+    "GmsError",
+    "ModelError",
+    "Parameter",
+    "Plant",
+    "Record",
+    "__version__",
+    "attach",
+    "baseline",
+    "compare",
+    "diagnose",
+    "effects",
+    "fit",
+    "friction",
+    "load",
+    "simulate",
+]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +24,13 @@ from .version import __version__
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
+
+
+# Of the derivatives. A reversal that a smaller step moves across a sample would make them huge and meaningless.
+_STEP = 1e-4
+_OPENING = 2.0  # s of a record from which the states before it are guessed
+_LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
+_POOL = ThreadPoolExecutor(max_workers=os.cpu_count())  # replays run outside Python's lock
 
 
 class Misfit:
@@ -50,6 +59,11 @@ class Misfit:
         ones = np.ones(self.n_memory * len(self.observations))
         return np.append(lower, -ones), np.append(upper, ones)
 
+    def held(self, x: Array, gradient: Array) -> NDArray[np.bool_]:
+        """(size,) which unknowns press against a bound, for the gradient of the squared residual at `x`."""
+        lower, upper = self.bounds
+        return ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0))
+
     def memory(self, x: Array, i: int) -> Array | None:
         """(n_memory,) state before observation i; None: the elements have never moved."""
         if not self.n_memory:
@@ -62,26 +76,30 @@ class Misfit:
         rest = np.zeros(self.n_memory * len(self.observations)) if memories is None else np.concatenate(memories)
         return np.append(self.coordinates.encode(plant), rest)
 
-    def settle(self, x: Array, levels: int = 5, sweeps: int = 2) -> Array:
+    def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them.
 
         An element forgets its state when it first slips, so the cost has flat parts and steps where a gradient
-        is blind; a coarse search per element is not.
+        is blind; a coarse search per element is not. The opening of a record is enough for it.
         """
         x = x.copy()
         plant = self.coordinates.decode(x[: self.coordinates.size])
-        for i in range(len(self.observations) if self.n_memory else 0):
-            memory = self.memory(x, i)  # a view into x
-            best = _cost(self._one(plant, i, memory))
-            for _ in range(sweeps):
+
+        def search(i: int) -> None:
+            o, memory = self.observations[i].opening(_OPENING), self.memory(x, i)  # a view into x
+            assert memory is not None
+            best = _cost(o.applied(plant) - o.needed(plant, memory))
+            for level in (*_LEVELS, *_LEVELS):
                 for k in range(self.n_memory):
-                    for level in np.linspace(-1, 1, levels):
-                        kept, memory[k] = memory[k], level
-                        cost = _cost(self._one(plant, i, memory))
-                        if cost < best:
-                            best = cost
-                        else:
-                            memory[k] = kept
+                    kept, memory[k] = memory[k], level
+                    cost = _cost(o.applied(plant) - o.needed(plant, memory))
+                    if cost < best:
+                        best = cost
+                    else:
+                        memory[k] = kept
+
+        if self.n_memory:
+            list(_POOL.map(search, range(len(self.observations))))
         return x
 
     def _one(self, plant: Plant, i: int, memory: Array | None) -> Array:
@@ -91,30 +109,35 @@ class Misfit:
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant = self.coordinates.decode(x[: self.coordinates.size])
-        return np.concatenate([self._one(plant, i, self.memory(x, i)) for i in range(len(self.observations))])
+        jobs = range(len(self.observations))
+        return np.concatenate(list(_POOL.map(lambda i: self._one(plant, i, self.memory(x, i)), jobs)))
 
     def jacobian(self, x: Array, base: Array | None = None) -> Array:
         """(m, size) derivative of the residual, by forward differences."""
         n = self.coordinates.size
         base = self.residual(x) if base is None else base
+        parts = np.split(base, self.splits)
+        starts = np.append(0, self.splits)
         out = np.zeros((len(base), self.size))
         scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
         upper = self.bounds[1]
-        for j in range(n):
-            step = 1e-6 * scale[j]
-            if x[j] + step > upper[j]:
+        plant = self.coordinates.decode(x[:n])
+
+        def fill(column: int) -> None:
+            step = _STEP * (scale[column] if column < n else 1.0)
+            if x[column] + step > upper[column]:
                 step = -step
             moved = x.copy()
-            moved[j] += step
-            out[:, j] = (self.residual(moved) - base) / (moved[j] - x[j])
-        plant = self.coordinates.decode(x[:n])
-        for i, part in enumerate(np.split(base, self.splits) if self.n_memory else ()):
-            rows = slice(self.splits[i - 1] if i else 0, (self.splits[i - 1] if i else 0) + len(part))
-            for k in range(self.n_memory):
-                moved = self.memory(x, i).copy()
-                step = 1e-6 if moved[k] < 1 else -1e-6
-                moved[k] += step
-                out[rows, n + i * self.n_memory + k] = (self._one(plant, i, moved) - part) / step
+            moved[column] += step
+            step = moved[column] - x[column]
+            # A state before the first sample concerns one observation; a parameter concerns all.
+            where = range(len(parts)) if column < n else [(column - n) // self.n_memory]
+            there = self.coordinates.decode(moved[:n]) if column < n else plant
+            for i in where:
+                rows = slice(starts[i], starts[i] + len(parts[i]))
+                out[rows, column] = (self._one(there, i, self.memory(moved, i)) - parts[i]) / step
+
+        list(_POOL.map(fill, range(self.size)))
         return out
 
     def reach(self, x: Array) -> Array:
@@ -163,7 +186,7 @@ def solve(misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 
     for _ in range(max_steps if misfit.size else 0):
         jacobian = misfit.jacobian(x, r)
         gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
-        held = ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)) | (np.diag(hessian) == 0)
+        held = misfit.held(x, gradient) | (np.diag(hessian) == 0)
         free = np.flatnonzero(~held)
         scale = np.sqrt(np.diag(hessian)[free])
         if not len(free):

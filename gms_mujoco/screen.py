@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 BLOCK = 0.5  # s; residuals further apart than this are taken as independent
 FOLDS = 5
 _ORDERS = 48  # harmonics tried per revolution
-_SPREAD = (0.1, 1.0, 10.0)  # of the typical size, for parameters that have no natural start
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -80,33 +79,47 @@ class Screen:
                 continue
             strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
             seen &= strength != 0
-            fitted = free @ strength
-            gain = float(2 * fitted @ self.model.target - fitted @ fitted)
-            if seen.any() and (best is None or gain > best[0]):
-                best = gain, _started(effect, shape, names, -strength, self.scales), columns[:, seen]
-            else:
-                out_of_bounds = out_of_bounds or _started(effect, shape, names, -strength, self.scales)
+            started = _started(effect, shape, names, -strength, self.scales)
+            if seen.any():
+                gain = self._gain(free @ strength)
+                if best is None or gain > best[0]:
+                    best = gain, started, columns[:, seen]
+            out_of_bounds = out_of_bounds or started
+            for strong in _strong(effect, shape, self.scales):
+                change = self._change(strong)[:, None]
+                gain = self._gain(-self.model.without(change)[:, 0])
+                if np.isfinite(gain) and gain > 0 and (best is None or gain > best[0]):
+                    best = gain, strong, change
         if best is None:
             # It can be seen, but every strength that is allowed makes things worse.
             empty = np.empty((len(self.model.target), 0))
             return Candidate(out_of_bounds, 0.0, self.held_out, empty) if out_of_bounds else None
         gain, started, columns = best
         share = gain / max(float(self.residual @ self.residual), 1e-300)
-        free = self.model.without(columns)
-        return Candidate(started, share, self.model.held_out(columns), np.linalg.qr(free)[0])
+        return Candidate(
+            started, share, self.model.held_out(columns), np.linalg.qr(self.model.without(columns))[0]
+        )
+
+    def _gain(self, fitted: Array) -> float:
+        """By how much the squared residual falls when `fitted` is taken from it."""
+        return float(2 * fitted @ self.model.target - fitted @ fitted)
+
+    def _change(self, effect: Effect) -> Array:
+        """(m,) what adding the effect does to the residual while everything else stays."""
+        moved = Misfit(self.plant + effect, self.misfit.observations)
+        at = moved.vector(self.plant + effect, self._memories(moved.n_memory))
+        return moved.residual(at) - self.residual
 
     def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
         """(m, k) derivatives of the residual, and which strength and phase each belongs to."""
+        if not strengths(effect):  # absent only at the end of its range: its whole change
+            return self._change(_valued(effect, shape, {}))[:, None], [("", 0.0)]
         columns, names = [], []
         phases = (0.0, math.pi / 2) if has_phase(effect) else (0.0,)
         for p, phase in itertools.product(strengths(effect), phases):
             step = _STEP * self.scales[p.unit]
             trial = _valued(effect, {**shape, **({"phase": phase} if has_phase(effect) else {})}, {p.name: step})
-            moved = Misfit(self.plant + trial, self.misfit.observations)
-            at = np.append(moved.coordinates.encode(self.plant + trial), self.vector[self.misfit.coordinates.size :])
-            if moved.n_memory != self.misfit.n_memory:
-                at = moved.vector(self.plant + trial, self._memories(moved.n_memory))
-            columns.append((moved.residual(at) - self.residual) / step)
+            columns.append(self._change(trial) / step)
             names.append((p.name, phase))
         return np.stack(columns, 1), names
 
@@ -120,7 +133,7 @@ class Screen:
         """Strengths that are outside their bounds do nothing; a phase makes either sign possible."""
         if has_phase(effect):
             return strength
-        lower = {p.name: p.lower for p in effect.parameters}
+        lower = {"": 0.0} | {p.name: p.lower for p in effect.parameters}
         return np.array([0.0 if -s < lower[name] else s for (name, _), s in zip(names, strength, strict=True)])
 
 
@@ -140,18 +153,28 @@ def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Observat
     for p in effect.parameters:
         if p.name == "phase" or not math.isnan(p.default):
             continue
-        if p.unit == "1/rev":  # once per revolution is gravity's
-            grids[p.name] = _orders(observations)
-        else:
-            grids[p.name] = [float(np.clip(s * scales[p.unit], p.lower, p.upper)) for s in _SPREAD]
-    for values in itertools.product(*grids.values()):
-        yield dict(zip(grids, values, strict=True))
+        values = _grid(p, 1 if effect.modulates else 2, scales, observations)
+        grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
+    for chosen in itertools.product(*grids.values()):
+        yield dict(zip(grids, chosen, strict=True))
 
 
-def _orders(observations: Sequence[Observation]) -> list[float]:
-    # A harmonic that the motion does not pass through once cannot be told from a spring or an offset.
-    turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-    return [float(n) for n in range(2, _ORDERS + 1) if n * turn >= 1]
+def _grid(p: Parameter, first: int, scales: Scales, observations: Sequence[Observation]) -> Sequence[float] | Array:
+    """What a parameter may typically be, by its unit and what the records span."""
+    if p.unit == "1/rev":
+        # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
+        # told from a spring or an offset.
+        turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
+        return [n for n in range(first, _ORDERS + 1) if n * turn >= 1]
+    if p.unit == "Hz":
+        return observations[0].bandwidth * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
+    if p.unit == "s":
+        return max(float(np.ptp(o.time)) for o in observations) * np.array([0.05, 0.2, 0.8])
+    if p.unit == "rad":
+        return np.median([float(np.ptp(o.position)) for o in observations]) * np.array([0.003, 0.01, 0.03, 0.1])
+    if p.unit == "N m":
+        return max(float(np.abs(o.record.torque).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
+    return scales[p.unit] * np.array([0.1, 1.0, 10.0])
 
 
 def _valued(effect: type[Effect], values: dict[str, float], strength: dict[str, float]) -> Effect:
@@ -162,6 +185,16 @@ def _valued(effect: type[Effect], values: dict[str, float], strength: dict[str, 
     return effect(**{k: [v] if k in per_element else v for k, v in merged.items()})
 
 
+def _strong(effect: type[Effect], shape: dict[str, float], scales: Scales) -> Iterator[Effect]:
+    """The effect at strengths that are not small: what modulates friction does then nothing like its tangent."""
+    if effect.modulates and not has_phase(effect):
+        p = strengths(effect)[0]
+        for share in (-0.3, -0.1, 0.1, 0.3):
+            value = share * scales[p.unit]
+            if p.lower <= value <= p.upper:
+                yield _valued(effect, shape, {p.name: value})
+
+
 def _started(
     effect: type[Effect], shape: dict[str, float], names: Sequence[tuple[str, float]], value: Array, scales: Scales
 ) -> Effect:
@@ -169,10 +202,11 @@ def _started(
     found: dict[str, float] = {}
     phase: dict[str, float] = {}
     if has_phase(effect):
-        (name, _), _ = names[0], names[1]
-        found[name] = math.hypot(value[0], value[1])
+        name = names[0][0]
+        upper = next(p.upper for p in effect.parameters if p.name == name)
+        found[name] = min(math.hypot(value[0], value[1]), upper)
         phase["phase"] = math.atan2(value[1], value[0])
-    else:
+    elif strengths(effect):
         table = {p.name: p for p in effect.parameters}
         for (name, _), v in zip(names, value, strict=True):
             p = table[name]
@@ -201,8 +235,11 @@ class LinearModel:
     def __init__(self, misfit: Misfit, vector: Array, residual: Array) -> None:
         self.observations = misfit.observations
         self.residual = residual
-        tangents = misfit.jacobian(vector, residual) * misfit.reach(vector)
-        self.tangents = tangents[:, (tangents**2).sum(0) > 0]
+        tangents, reach = misfit.jacobian(vector, residual), misfit.reach(vector)
+        held = misfit.held(vector, tangents.T @ residual)
+        self.columns = np.flatnonzero(~held & ((tangents**2).sum(0) > 0))
+        self.reach = reach[self.columns]
+        self.tangents = tangents[:, self.columns] * self.reach
         # In units of its reach a move is a standard normal; the residual's size is its noise.
         self.prior = math.sqrt(float(np.mean(residual**2)))
         self.rows = self.prior * np.eye(self.tangents.shape[1])
@@ -224,20 +261,55 @@ class LinearModel:
             columns: (m, k) tangents of what is added.
         """
         added = np.empty((len(self.residual), 0)) if columns is None else columns
-        size = np.sqrt(np.mean(added**2, 0)).clip(1e-300)
         # Everything that a refit needs to know of a block is its share of the normal equations.
-        grams = _block_grams(self.observations, np.column_stack([self.tangents, added / size, self.residual]))
+        grams = _block_grams(self.observations, np.column_stack([self.tangents, self._scaled(added), self.residual]))
+        p = grams.shape[1] - 1
+        out = np.empty(len(grams))
+        for blocks, move in self._folds(grams):
+            for b in blocks:
+                g = grams[b]
+                out[b] = g[p, p] + 2 * move @ g[:p, p] + move @ g[:p, :p] @ move
+        return out
+
+    def _scaled(self, columns: Array) -> Array:
+        return columns / np.sqrt(np.mean(columns**2, 0)).clip(1e-300)
+
+    def _folds(self, grams: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
+        """Blocks of each fold, and the move (p,) that fits the others best."""
         own, p = self.tangents.shape[1], grams.shape[1] - 1
         ridge = np.diag(np.append(np.full(own, self.prior**2), np.full(p - own, 1e-9 * len(self.residual))))
         total, fold = grams.sum(0), np.arange(len(grams)) % FOLDS
-        out = np.empty(len(grams))
         for k in range(FOLDS):
-            rest = total - grams[fold == k].sum(0)
-            move = np.linalg.solve(rest[:p, :p] + ridge, rest[:p, p])
-            for b in np.flatnonzero(fold == k):
-                g = grams[b]
-                out[b] = g[p, p] - 2 * move @ g[:p, p] + move @ g[:p, :p] @ move
-        return out
+            blocks = np.flatnonzero(fold == k)
+            rest = total - grams[blocks].sum(0)
+            yield blocks, -np.linalg.solve(rest[:p, :p] + ridge, rest[:p, p])
+
+
+def cross_validated(misfit: Misfit, vector: Array) -> Array:
+    """(blocks,) squared residual of each block of time, left by a refit without the blocks of its fold.
+
+    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see.
+
+    Args:
+        misfit, vector: a problem and its solution.
+    """
+    residual = misfit.residual(vector)
+    model = LinearModel(misfit, vector, residual)
+    grams = _block_grams(model.observations, np.column_stack([model.tangents, residual]))
+    lower, upper = misfit.bounds
+    out = np.empty(len(grams))
+    for blocks, move in model._folds(grams):
+        best, chosen = np.inf, np.empty(0)
+        for share in (0.0, 0.1, 0.3, 1.0):
+            moved = vector.copy()
+            moved[model.columns] += share * move * model.reach
+            there = misfit.residual(np.clip(moved, lower, upper)) if share else residual
+            squares = block_sums(model.observations, there**2, BLOCK)
+            seen = squares.sum() - squares[blocks].sum()
+            if seen < best:
+                best, chosen = seen, squares
+        out[blocks] = chosen[blocks]
+    return out
 
 
 def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
@@ -246,6 +318,12 @@ def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
     return np.stack([c.T @ c for c in np.split(columns, ends[:-1])])
 
 
-def applicable(observations: Sequence[Observation], plant: Plant) -> list[type[Effect]]:
-    """The effects that could be added: not there yet, with a strength, and with the signals they need."""
-    return [e for name, e in effects.CATALOGUE.items() if name not in plant and strengths(e)]
+# Laws of which `gms` is the general form: beside it they have nothing of their own to add. It is itself no small
+# change of anything else, and a plant without it was chosen so.
+_SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
+
+
+def applicable(plant: Plant) -> list[type[Effect]]:
+    """The effects of the catalogue that could be added to a plant: not there yet, and not contained in its friction."""
+    contained = _SPECIAL_LAWS if "gms" in plant else ("gms",)
+    return [e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained]

@@ -23,7 +23,7 @@ const gms::Effect gms_effect_position_dependent_friction = {
     "Source: position-dependent friction terms, Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994).",
     "The torque error is a sine of position that changes sign with the direction of motion.",
     "Slow constant-velocity runs over a whole revolution in both directions.",
-    {{"harmonics", "1", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
+    {{"harmonics", "1/rev", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
      {"amplitude", "1", 0, 0, 1, true, true, "a_i, relative to the level"},
      {"phase", "rad", 0, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"}},
     nullptr,

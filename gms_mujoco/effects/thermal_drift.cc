@@ -23,7 +23,7 @@ const gms::Effect gms_effect_thermal_drift = {
     "The torque error follows the sign of velocity and fades, or grows to a plateau, with time.",
     "One motion repeated from a cold start for several minutes.",
     {{"amplitude", "1", 0, -0.95, gms::kInfinity, false, true, "a, part of the level that fades"},
-     {"time_constant", "s", gms::kUnset, 1e-3, gms::kInfinity, false, true, "tau"}},
+     {"time_constant", "s", gms::kUnset, 0.1, gms::kInfinity, false, true, "tau"}},
     nullptr,
     nullptr,
     nullptr,

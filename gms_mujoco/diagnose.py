@@ -1,0 +1,411 @@
+"""diagnose: which physical effect a plant is missing, or that none of the known ones is, or that nothing is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from . import effects
+from .compare import Comparison, compare_observations
+from .dataset import Dataset
+from .effect import Effect
+from .errors import DataError
+from .fit import FitResult, Misfit, Progress, baseline, block_sums, fit_observations, observe, refit
+from .inverse import Observation
+from .noise import estimate_noise
+from .plant import Plant
+from .remainder import describe
+from .screen import BLOCK, Candidate, Screen, applicable, cross_validated
+
+Array = NDArray[np.float64]
+
+MOST_EFFECTS = 4  # added in a row
+FALSE_DISCOVERY_RATE = 0.01
+LEAST_GAIN = 0.01  # of the squared error on held-out blocks: less is not worth an effect
+AT_FLOOR = 1.3  # times the noise floor: as good as the sensors, whose noise is known no better
+NOTHING_LEFT = 1.1  # times the noise floor: below it there is nothing that an effect could explain
+_CONTENDERS = 5  # candidates that are refitted jointly
+_WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+
+
+@dataclass(frozen=True)
+class Step:
+    """One plant on the way: the baseline, or the plant before with one effect more.
+
+    Attributes:
+        effect: what was added; None for the baseline.
+        result: the joint fit.
+        comparison: on the validate records, made after every choice; None where there are none.
+        evidence: one sentence that a person can check on a plot.
+        confusable_with: effects that these records cannot tell from the one added.
+        p_value: of the fall of the error on held-out blocks.
+    """
+
+    effect: str | None
+    result: FitResult
+    comparison: Comparison | None = None
+    evidence: str = ""
+    confusable_with: tuple[str, ...] = ()
+    p_value: float = float("nan")
+
+    @property
+    def validate_error(self) -> float | None:
+        """Pooled torque error on the validate records."""
+        return None if self.comparison is None else self.comparison.torque_error
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """An effect that was tried on the final plant and did not earn its place."""
+
+    effect: str
+    p_value: float
+    validate_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found.
+
+    Attributes:
+        verdict: "adequate" (the baseline is at the noise floor), "explained" (the effects added bring it there),
+            "partly_explained" (they help, something remains) or "unexplained" (nothing known earns its place).
+        noise_floor: the torque error that a perfect model would have.
+        steps: the baseline, then one for each effect added.
+        candidates: what was tried on the final plant and left out.
+        remainder: what is left looks like this; empty where nothing is.
+        next_experiment: what to measure next, None where there is nothing to settle.
+    """
+
+    verdict: str
+    noise_floor: float
+    steps: tuple[Step, ...]
+    candidates: tuple[Rejected, ...] = ()
+    remainder: str = ""
+    next_experiment: str | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def baseline(self) -> Plant:
+        """The plant before anything was added."""
+        return self.steps[0].result.plant
+
+    @property
+    def plant(self) -> Plant:
+        """The final plant."""
+        return self.steps[-1].result.plant
+
+    @property
+    def comparisons(self) -> list[Comparison]:
+        """Each step on the validate records."""
+        return [s.comparison for s in self.steps if s.comparison is not None]
+
+    @property
+    def found(self) -> tuple[Effect, ...]:
+        """The effects that were added, with their parameters, in order."""
+        return tuple(self.plant[s.effect] for s in self.steps if s.effect)
+
+    def __iter__(self) -> Iterator[Effect]:
+        return iter(self.found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contents of `diagnosis.json`."""
+        return {
+            "schema": 1,
+            "verdict": self.verdict,
+            "noise_floor": self.noise_floor,
+            "bandwidth_hz": self.steps[0].result.misfit.observations[0].bandwidth,
+            "steps": [_step_dict(s, self.plant) for s in self.steps],
+            "candidates": [
+                {"effect": c.effect, "validate_error": c.validate_error, "p_value": c.p_value}
+                for c in self.candidates
+            ],
+            "remainder": self.remainder or None,
+            "next_experiment": self.next_experiment,
+        }
+
+    def __str__(self) -> str:
+        lines = [f"verdict: {self.verdict.replace('_', ' ')}", ""]
+        lines.append(f"{'model':32}  {'fit':>8}  {'validate':>8}   torque error in % of the torque")
+        for s in self.steps:
+            name = "baseline" if s.effect is None else f"+ {s.effect}"
+            validate = "-" if s.validate_error is None else f"{100 * s.validate_error:.2f}"
+            lines.append(f"{name:32}  {100 * s.result.error:8.2f}  {validate:>8}")
+        lines.append(f"{'noise floor':32}  {'':8}  {100 * self.noise_floor:8.2f}")
+        for s in self.steps[1:]:
+            lines += ["", s.evidence]
+            if s.confusable_with:
+                lines.append(f"These records cannot tell it from {', '.join(s.confusable_with)}.")
+        if self.remainder:
+            lines += ["", f"What remains: {self.remainder}"]
+        if self.next_experiment:
+            lines += ["", f"Measure next: {self.next_experiment}"]
+        return "\n".join(lines)
+
+
+def _step_dict(step: Step, final: Plant) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "effect": step.effect,
+        "fit_error": step.result.error,
+        "validate_error": step.validate_error,
+    }
+    if step.effect:
+        out["confusable_with"] = list(step.confusable_with)
+        out["p_value"] = step.p_value
+        out["parameters"] = final.table(step.effect)
+        out["evidence"] = step.evidence
+    return out
+
+
+def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | None = None) -> Diagnosis:
+    """The whole loop: fit the baseline, find the effect that is missing, add it, refit, until nothing more earns it.
+
+    Every effect of the catalogue is screened at the price of a few replays, the best are refitted jointly with the
+    plant. One is added if it lowers the error on blocks of the fit records that its fit has not seen (and on the
+    select records where there are some), significantly after control of the false discovery rate over the whole
+    catalogue. The validate records are scored once, after the choice.
+
+    Args:
+        runs: a measurement set with at least one fit record.
+        plant: where to start from; None: the default baseline.
+        progress: called with a share in 0..1 and a message.
+
+    Raises:
+        DataError: there is nothing to fit.
+    """
+    report = progress or (lambda done, message: None)
+    if not runs.fit:
+        raise DataError('no fit records; mark some with use = "fit"')
+    start = plant or baseline(runs.inertia, runs.kind)
+    report(0.0, "looking at the records")
+    seen = observe(runs.fit, start.inertia)
+    bandwidth = seen[0].bandwidth
+    select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
+    validate = observe(runs.validate, start.inertia, bandwidth) if runs.validate else []
+
+    search = _Search(seen, select, start)
+    search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
+    for k in range(MOST_EFFECTS):
+        lower, width = 0.22 + 0.6 * k / MOST_EFFECTS, 0.6 / MOST_EFFECTS
+        if not search.add_one(lambda done, message, a=lower, b=width: report(a + b * done, message)):  # type: ignore[misc]
+            break
+    report(0.85, "checking the order")
+    search.drop_idle()
+
+    report(0.9, "scoring the validate records")
+    final = search.steps[-1].result.plant
+    assert final.inertia is not None
+    noise = estimate_noise([o.record for o in seen], final.inertia)
+    steps = tuple(
+        Step(s.effect, s.result, compare_observations(s.result.plant, validate, noise) if validate else None,
+             s.evidence, s.confusable_with, s.p_value)
+        for s in search.steps
+    )  # fmt: skip
+    rejected = tuple(
+        Rejected(name, p, compare_observations(trial, validate, noise).torque_error if validate else None)
+        for name, p, trial in search.rejected
+    )
+    comparison = steps[-1].comparison
+    floor = comparison.noise_floor if comparison else steps[-1].result.floor
+    report(1.0, "done")
+    return _conclude(steps, rejected, floor, search)
+
+
+def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: _Search) -> Diagnosis:
+    last = steps[-1].result
+    at_floor = search.error <= AT_FLOOR * last.floor
+    added = len(steps) > 1
+    verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
+    remainder = "" if at_floor else describe(last.misfit, last.vector)
+    following = None
+    confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
+    if confusable:
+        one, other = confusable[0]
+        assert one is not None
+        following = (
+            f"To tell {one} from {other}: {_lowered(effects.find(one).experiment)} "
+            f"For {other}: {_lowered(effects.find(other).experiment)}"
+        )
+    elif not at_floor and rejected:
+        likely = min(rejected, key=lambda r: r.p_value)
+        following = f"Nothing known explains the rest. {likely.effect} came closest: {_lowered(effects.find(likely.effect).experiment)}"
+    return Diagnosis(verdict, floor, steps, rejected, remainder, following)
+
+
+def _lowered(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+class _Search:
+    """The state of the loop: the steps so far, and what the last round thought of every candidate."""
+
+    def __init__(self, seen: Sequence[Observation], select: Sequence[Observation], start: Plant) -> None:
+        self.seen, self.select, self.start = list(seen), list(select), start
+        self.steps: list[Step] = []
+        self.held_out: Array = np.empty(0)
+        self.rejected: list[tuple[str, float, Plant]] = []
+
+    @property
+    def error(self) -> float:
+        """Torque error on held-out blocks of the current plant."""
+        result = self.steps[-1].result
+        residual = result.misfit.residual(result.vector)
+        return result.error * float(np.sqrt(self.held_out.sum() / max(float(residual @ residual), 1e-300)))
+
+    def first(self, report: Progress) -> None:
+        result = fit_observations(self.start, self.seen, progress=report)
+        self.steps.append(Step(None, result))
+        self.held_out = _held_out(result)
+
+    def add_one(self, report: Progress) -> bool:
+        """Adds the effect that earns it most; False where none does."""
+        current = self.steps[-1].result
+        report(0.0, "screening the catalogue")
+        screen = Screen(current.misfit, current.vector)
+        scored = [c for c in map(screen.candidate, applicable(current.plant)) if c is not None]
+        scored.sort(key=lambda c: c.held_out.sum())
+        before = self.held_out.sum()
+        promising = [c for c in scored if c.held_out.sum() < (1 - _WORTH_A_TRIAL) * before][:_CONTENDERS]
+        trials: list[tuple[Candidate, FitResult, Array]] = []
+        for i, c in enumerate(promising):
+            report(0.2 + 0.6 * i / len(promising), f"refitting with {c.effect.name}")
+            result = self._refitted(current, c.effect)
+            trials.append((c, result, _held_out(result)))
+        trials.sort(key=lambda t: t[2].sum())
+        if trials and trials[0][1].error > AT_FLOOR * trials[0][1].floor:
+            c, result, _ = trials[0]
+            report(0.8, f"refitting with {c.effect.name} from the beginning")
+            afresh = self._afresh(result, c.effect.name)
+            if afresh.error < result.error:
+                trials[0] = (c, afresh, _held_out(afresh))
+        self._settle_for(trials)
+        p_values = {c.effect.name: _p_value(self.held_out - c.held_out) for c in scored}
+        p_values |= {c.effect.name: _p_value(self.held_out - h) for c, _, h in trials}
+        plants = {c.effect.name: current.plant + c.effect for c in scored}
+        plants |= {c.effect.name: r.plant for c, r, _ in trials}
+        self.rejected = [(name, p, plants[name]) for name, p in p_values.items()]
+        passed = _discoveries(p_values)
+        if self.error <= NOTHING_LEFT * self.steps[-1].result.floor:
+            return False
+        earned = [
+            t for t in trials
+            if t[0].effect.name in passed and t[2].sum() < (1 - LEAST_GAIN) * self.held_out.sum() and self._selects(t[1])
+        ]  # fmt: skip
+        if not earned:
+            return False
+        # Of those that are as good as the best the one with the fewest free parameters.
+        best = min(earned, key=lambda t: t[2].sum())
+        equal = [t for t in earned if _p_value(t[2] - best[2]) > _CONFUSABLE]
+        c, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
+        name = c.effect.name
+        confusable = tuple(t[0].effect.name for t in equal if t[0].effect.name != name)
+        evidence = self._evidence(c.effect, result, held_out, p_values[name])
+        self.steps.append(Step(name, result, None, evidence, confusable, p_values[name]))
+        self.held_out = held_out
+        return True
+
+    def _settle_for(self, trials: Sequence[tuple[Candidate, FitResult, Array]]) -> None:
+        """Lets the current plant keep what a trial found for it.
+
+        A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
+        that gain is the plant's own and must not be counted for the effect.
+        """
+        for c, result, held_out in trials[:2]:
+            if held_out.sum() < (1 - LEAST_GAIN) * self.held_out.sum():
+                alone = refit(*_without(result, c.effect.name))
+                if alone.error < self.steps[-1].result.error:
+                    self.steps[-1] = replace(self.steps[-1], result=alone)
+                    self.held_out = _held_out(alone)
+
+    def _refitted(self, current: FitResult, effect: Effect) -> FitResult:
+        """The joint fit with one effect more, from where the plant is."""
+        plant = current.plant + effect
+        misfit = Misfit(plant, self.seen)
+        extra = np.zeros(misfit.n_memory - current.misfit.n_memory)
+        known = [current.misfit.memory(current.vector, i) for i in range(len(self.seen))]
+        memories = [np.append([] if m is None else m, extra) for m in known]
+        return refit(misfit, misfit.settle(misfit.vector(plant, memories)))
+
+    def _afresh(self, near: FitResult, name: str) -> FitResult:
+        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
+        fresh = self.start
+        for added in (*(s.effect for s in self.steps if s.effect), name):
+            fresh = fresh + near.plant[added]
+        return fit_observations(fresh, self.seen)
+
+    def _selects(self, result: FitResult) -> bool:
+        """Whether the select records, where there are some, agree."""
+        if not self.select:
+            return True
+        before, after = (
+            compare_observations(p, self.select).torque_error for p in (self.steps[-1].result.plant, result.plant)
+        )
+        return after < before
+
+    def _evidence(self, effect: Effect, result: FitResult, held_out: Array, p: float) -> str:
+        before, after = self.error, result.error
+        per_record = [
+            (a.sum(), b.sum())
+            for a, b in zip(_by_record(self.seen, self.held_out), _by_record(self.seen, held_out), strict=True)
+        ]
+        better = sum(b < a for a, b in per_record)
+        return (
+            f"{effect.name}: with it the torque error falls from {100 * before:.2f} % to {100 * after:.2f} % "
+            f"(p = {p:.1g} on held-out blocks), in {better} of {len(per_record)} fit records; "
+            f"{_lowered(effect.signature)}"
+        )
+
+    def drop_idle(self) -> None:
+        """Takes away again an effect that a later one has made superfluous."""
+        for k in range(len(self.steps) - 2, 0, -1):
+            name = self.steps[k].effect
+            assert name is not None
+            final = self.steps[-1].result
+            without = refit(*_without(final, name))
+            if _p_value(_held_out(without) - self.held_out) > FALSE_DISCOVERY_RATE:
+                later = [s for s in self.steps[k + 1 :]]
+                self.steps = [*self.steps[:k], *later[:-1], Step(
+                    later[-1].effect, without, None, later[-1].evidence, later[-1].confusable_with, later[-1].p_value
+                )]  # fmt: skip
+                self.held_out = _held_out(without)
+
+
+def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
+    plant = result.plant.without(name)
+    misfit = Misfit(plant, result.misfit.observations)
+    if misfit.n_memory == result.misfit.n_memory and misfit.n_memory:
+        memories = [result.misfit.memory(result.vector, i) for i in range(len(misfit.observations))]
+        return misfit, misfit.vector(plant, [m for m in memories if m is not None])
+    return misfit, misfit.settle(misfit.vector(plant))
+
+
+def _held_out(result: FitResult) -> Array:
+    return cross_validated(result.misfit, result.vector)
+
+
+def _by_record(observations: Sequence[Observation], blocks: Array) -> list[Array]:
+    counts = [len(block_sums([o], np.ones((len(o.index), 1)), BLOCK)) for o in observations]
+    return np.split(blocks, np.cumsum(counts)[:-1])
+
+
+def _p_value(fall: Array) -> float:
+    """Of the hypothesis that the squared error of a block does not fall, by a one-sided t-test over the blocks."""
+    if len(fall) < 3 or not np.any(fall):
+        return 1.0
+    return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
+
+
+def _discoveries(p_values: dict[str, float]) -> set[str]:
+    """Names that pass with the false discovery rate controlled over all of them (Benjamini and Hochberg 1995)."""
+    ranked = sorted(p_values, key=p_values.__getitem__)
+    passed = 0
+    for i, name in enumerate(ranked, 1):
+        if p_values[name] <= FALSE_DISCOVERY_RATE * i / len(ranked):
+            passed = i
+    return set(ranked[:passed])

@@ -1,0 +1,67 @@
+"""What is left over looks like this: a sentence about a residual that nobody has named."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from .fit import Misfit
+
+Array = NDArray[np.float64]
+
+_NOTABLE = 0.25  # of the squared residual
+
+
+def describe(misfit: Misfit, vector: Array) -> str:
+    """Where the residual of a fit stands: in which record, at which frequency, place, speed or instant."""
+    parts = np.split(misfit.residual(vector), misfit.splits)
+    energy = np.array([float(p @ p) for p in parts])
+    total = float(energy.sum())
+    if total <= 0:
+        return "nothing"
+    observations = misfit.observations
+    plant = misfit.coordinates.decode(vector[: misfit.coordinates.size])
+    torque = math.sqrt(sum(float(np.sum(o.applied(plant) ** 2)) for o in observations))
+    said = [f"{100 * math.sqrt(total) / torque:.1f} % of the torque"]
+
+    worst = int(np.argmax(energy))
+    if len(parts) > 1 and energy[worst] > 1.5 * total / len(parts):
+        said.append(f"{100 * energy[worst] / total:.0f} % of its square in {observations[worst].record.name}")
+
+    o, r = observations[worst], parts[worst]
+    f, power = signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
+    peak = int(np.argmax(power[1:])) + 1
+    line = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())
+    if line > _NOTABLE:
+        said.append(f"periodic in time at {f[peak]:.3g} Hz ({100 * line:.0f} %)")
+
+    position = np.concatenate([o.position[o.index] for o in observations])
+    velocity = np.concatenate([o.velocity[o.index] for o in observations])
+    residual = np.concatenate(parts)
+    turn = np.mod(position, 2 * math.pi)
+    for x, what in ((turn, "tied to the place on the revolution"), (velocity, "tied to velocity")):
+        share = _explained(x, residual)
+        if share > _NOTABLE:
+            said.append(f"{what} ({100 * share:.0f} %)")
+    slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
+    at_rest = float(np.sum(residual[slow] ** 2)) / total
+    if at_rest > max(2 * float(np.mean(slow)), _NOTABLE):
+        said.append(f"around standstill and reversals ({100 * at_rest:.0f} % in {100 * np.mean(slow):.0f} % of the time)")
+
+    sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
+    burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
+    if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
+        said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
+    return ", ".join(said)
+
+
+def _explained(x: Array, residual: Array, bins: int = 40) -> float:
+    """Share of the square that the mean over equally filled bins of x carries, beyond what chance gives."""
+    edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
+    group = np.searchsorted(edges, x)
+    count = np.bincount(group, minlength=bins)
+    mean = np.bincount(group, residual, minlength=bins) / np.maximum(count, 1)
+    return max(float((count * mean**2).sum() / (residual @ residual)) - bins / len(x), 0.0)
