@@ -21,7 +21,7 @@ def simulate(
     *,
     position: float = 0.0,
     velocity: float = 0.0,
-    substeps: int = 4,
+    substeps: int = 8,
     resolution: float | None = None,
     torque_noise: float = 0.0,
     position_noise: float = 0.0,

@@ -6,7 +6,9 @@ int n_state(int) { return gms::kHiddenState; }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
   const double omega = gms::kTurn * p[1], zeta = p[2];
-  const auto move = [&](gms::Relative r, double a) { return gms::swing(r, a, omega, zeta, m.duration); };
+  const auto move = [&](gms::Relative r, const gms::Course& course) {
+    return gms::swing(r, course.acceleration, omega, zeta, m.duration);
+  };
   const auto pull = [&](gms::Relative r) { return omega * omega * r.position + 2 * zeta * omega * r.velocity; };
   return p[0] * gms::follow(m, omega, state, next, move, pull);
 }

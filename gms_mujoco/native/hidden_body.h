@@ -51,11 +51,11 @@ inline Relative coast(Relative r, double a, double lambda, double t) {
 // its energy where a scheme without the jump would gain some in every step.
 struct Course {
   double start, acceleration;
-  bool jump;  // of a time step
-  Course(const Motion& m, double before)
+  bool coarse;  // a time step that is long for a coupling of angular frequency omega
+  Course(const Motion& m, double before, double omega)
       : start(2 * m.rate() - m.velocity),
         acceleration((m.velocity - start) / m.duration),
-        jump(std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
+        coarse(omega * m.duration > 1 && std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
 };
 
 // State of a hidden body. Its velocity is absolute, so that a jump of the joint's leaves it alone.
@@ -70,13 +70,13 @@ double follow(const Motion& m, double omega, const double* state, double* next, 
     next[kVelocity] = state[kVelocity] + (m.velocity - state[kJointVelocity]);
     return pull(Relative{next[kDeflection], next[kVelocity] - m.velocity});
   }
-  const Course course(m, state[kJointVelocity]);
-  const Relative r = move(Relative{state[kDeflection], state[kVelocity] - course.start}, course.acceleration);
+  const Course course(m, state[kJointVelocity], omega);
+  const Relative r = move(Relative{state[kDeflection], state[kVelocity] - course.start}, course);
   next[kDeflection] = r.position;
   next[kVelocity] = r.velocity + m.velocity;
-  // In a time step that is long for the coupling the torque at its end may be anywhere in a swing. The mean over the
-  // step keeps momentum, and an implicit step with it cannot gain energy.
-  if (course.jump && omega * m.duration > 1) return (state[kVelocity] - next[kVelocity]) / m.duration;
+  // In a coarse step the torque at its end may be anywhere in a swing. The mean over the step keeps momentum, and an
+  // implicit step with it cannot gain energy.
+  if (course.coarse) return (state[kVelocity] - next[kVelocity]) / m.duration;
   return pull(Relative{r.position, next[kVelocity] - m.velocity});  // as rounded, so that it stands still with the state
 }
 

@@ -116,8 +116,10 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   if (off <= kExact * size) return true;
   // Acting in place of its tangent, f changes the velocity, and the law is off by what it changes over that. The
   // step itself errs by about half the change of torque over it; much less than that is good enough. On the side
-  // that the joint comes from more and more of it slips, so that the slope known bounds those to come.
-  const double bound = side * (now - u->still) > 0 ? std::max(u->slope, u->used) : u->steepest;
+  // that the joint comes from more and more of it slips, so that the slope known bounds those to come; unless there is
+  // a load to run into.
+  const bool softens = side * (now - u->still) > 0 && !u->joint->has_load();
+  const double bound = softens ? std::max(u->slope, u->used) : u->steepest;
   if (off * h * bound * u->weight <= kLeft * std::fabs(f - u->start)) {
     u->torque = f;
     return true;

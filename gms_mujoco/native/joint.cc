@@ -1,6 +1,7 @@
 #include "joint.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace gms {
 
@@ -15,6 +16,7 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   int size = 0;
   for (const Parameter& q : effect->parameters) {
     if (q.name) size += q.per_element ? n : 1;
+    if (q.name && !std::strcmp(q.unit, "kg m^2")) has_load_ = true;
   }
   uses_.push_back({effect, n, std::vector<double>(p, p + size), n_state_});
   const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1};
@@ -136,6 +138,12 @@ double Joint::implicit_torque(const Sample& now, const double* state, double h, 
 }
 
 double Joint::slope(double h) const {
+  // k and sigma from steps so short that no spring swings in one; h itself for laws that know more.
+  const double least = h / 64, a = slope_once(least), b = slope_once(2 * least);
+  return std::max(slope_once(h), a + (b - a) * (h - least) / least);
+}
+
+double Joint::slope_once(double h) const {
   constexpr double kSmall = 1e-9;  // [rad or m], far below any break-away distance
   double state[kMaxState], largest = 0;
   for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only

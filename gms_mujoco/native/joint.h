@@ -74,10 +74,14 @@ class Joint {
   // the virgin state and from the other end of its memory; very large for a static law.
   double slope(double h) const;
 
+  // Whether part of the inertia is behind a coupling.
+  bool has_load() const { return has_load_; }
+
   // Whether the torque depends on the load.
   bool reads_load() const;
 
  private:
+  double slope_once(double h) const;
   double torque(const Motion& motion, const double* state, double* next, double* parts) const;
 
   struct Call {  // of a function of one effect
@@ -90,6 +94,7 @@ class Joint {
   std::vector<Call> modulators_, torques_;
   int n_state_ = kAnchor;
   int n_memory_ = 0;
+  bool has_load_ = false;
 };
 
 }  // namespace gms
