@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DataError
+from .errors import DataError, ModelError, listing
 from .plant import Plant
 from .record import Record
 
@@ -46,10 +46,13 @@ def simulate(
         name, use: of the record.
 
     Raises:
-        ModelError: a parameter has no value.
+        ModelError: a parameter has no value, or a load is heavier than the axis that it is a part of.
         DataError: the motion runs away.
     """
     plant.complete()
+    if plant.driven_inertia <= 0:
+        loads = listing(e.name for e in plant.effects if e.hidden_inertia)
+        raise ModelError(f"{loads} must have less inertia than the axis, {plant.inertia:g}, of which it is a part")
     command = np.asarray(torque, float)
     time = np.asarray(sample_time * np.arange(len(command)), float)
     delivered = command

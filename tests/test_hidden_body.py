@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from gms_mujoco import effects, engine
+from gms_mujoco.errors import ModelError
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -103,10 +104,11 @@ def test_a_load_let_go_does_not_gain_energy(effect, integration):
     assert energy[-2000:].max() < 1.02 * energy[50:2050].max()
 
 
-@pytest.mark.parametrize("frequency", [1.0, 3e3, 1e5])
+@pytest.mark.parametrize("frequency", [1.0, 300.0, 3e3, 1e5])
+@pytest.mark.parametrize("damping", [0.05, 3.0])
 @pytest.mark.parametrize("kind", [effects.FlexibleCoupling, effects.Backlash])
-def test_bounded_at_any_stiffness(kind, frequency, command):
-    extra = {"gap": 0.01} if kind is effects.Backlash else {}
+def test_bounded_at_any_stiffness_and_damping(kind, damping, frequency, command):
+    extra = {"damping": damping, **({"gap": 0.01} if kind is effects.Backlash else {})}
     plant = Plant.axis(J) + kind(inertia=0.9 * J, frequency=frequency, **extra) + effects.Viscous(coefficient=1e-4)
     record = simulate(plant, command, H, substeps=1)
     rigid = simulate(Plant.axis(0.1 * J) + effects.Viscous(coefficient=1e-4), command, H)
@@ -172,3 +174,8 @@ def test_a_load_without_armature_to_take_from_is_told():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         engine.attach(xml, {"j": Plant.axis(J) + effects.Spring(stiffness=1.0)})
+
+
+def test_a_load_heavier_than_the_axis_is_refused(command):
+    with pytest.raises(ModelError, match="flexible_coupling must have less inertia than the axis"):
+        simulate(Plant.axis(J) + LOAD.replace(inertia=2 * J), command, H)

@@ -90,7 +90,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level&, con
     for (int i = 0; i < n; i++) r = coupling.stretch(r, course.acceleration, m.duration / n);
     return r;
   };
-  return p[0] * gms::follow(m, omega, state, next, move, [&](gms::Relative r) { return coupling.pull(r); });
+  return p[0] * gms::follow(m, omega, zeta, state, next, move, [&](gms::Relative r) { return coupling.pull(r); });
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level&, con
     return gms::swing(r, course.acceleration, omega, zeta, m.duration);
   };
   const auto pull = [&](gms::Relative r) { return omega * omega * r.position + 2 * zeta * omega * r.velocity; };
-  return p[0] * gms::follow(m, omega, state, next, move, pull);
+  return p[0] * gms::follow(m, omega, zeta, state, next, move, pull);
 }
 
 }  // namespace

@@ -51,11 +51,11 @@ inline Relative coast(Relative r, double a, double lambda, double t) {
 // its energy where a scheme without the jump would gain some in every step.
 struct Course {
   double start, acceleration;
-  bool coarse;  // a time step that is long for a coupling of angular frequency omega
-  Course(const Motion& m, double before, double omega)
+  bool coarse;  // a time step that is long for a coupling of that rate [1/s]
+  Course(const Motion& m, double before, double rate)
       : start(2 * m.rate() - m.velocity),
         acceleration((m.velocity - start) / m.duration),
-        coarse(omega * m.duration > 1 && std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
+        coarse(rate * m.duration > 1 && std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
 };
 
 // State of a hidden body. Its velocity is absolute, so that a jump of the joint's leaves it alone.
@@ -63,14 +63,14 @@ enum { kDeflection = 0, kVelocity = 1, kJointVelocity = 2, kHiddenState = 3 };
 
 // The state after an interval, by `move` of the relative motion, and the torque over the body's inertia by `pull`.
 template <class Move, class Pull>
-double follow(const Motion& m, double omega, const double* state, double* next, Move move, Pull pull) {
+double follow(const Motion& m, double omega, double zeta, const double* state, double* next, Move move, Pull pull) {
   next[kJointVelocity] = m.velocity;
   if (!(m.duration > 0)) {  // the joint was given its velocity in no time (a start, a reset): the body comes along
     next[kDeflection] = state[kDeflection];
     next[kVelocity] = state[kVelocity] + (m.velocity - state[kJointVelocity]);
     return pull(Relative{next[kDeflection], next[kVelocity] - m.velocity});
   }
-  const Course course(m, state[kJointVelocity], omega);
+  const Course course(m, state[kJointVelocity], omega * (1 + 2 * zeta));
   const Relative r = move(Relative{state[kDeflection], state[kVelocity] - course.start}, course);
   next[kDeflection] = r.position;
   next[kVelocity] = r.velocity + m.velocity;
