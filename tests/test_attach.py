@@ -167,3 +167,59 @@ def test_other_series_of_mujoco_are_refused(version):
         engine.register(Library())
     model, data = axis()
     mujoco.mj_step(model, data)
+
+
+def two_joint_arm(second="elbow"):
+    return f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="upper"><joint name="shoulder" axis="0 0 1"/>
+<geom size=".1" mass="1"/><body name="lower" pos="0 1 0"><joint name="{second}" axis="0 0 1"/><geom size=".1" mass="1"/>
+</body></body></worldbody></mujoco>"""
+
+
+def test_joints_with_the_same_plant_share_one_instance():
+    spec = engine.attach(two_joint_arm(), {"*": BEARING})
+    model = spec.compile()
+    assert model.nplugin == 1
+    reloaded = mujoco.MjModel.from_xml_string(spec.to_xml())
+    data = mujoco.MjData(reloaded)
+    data.qvel[:] = [1, 2]
+    mujoco.mj_forward(reloaded, data)
+    assert engine.friction(reloaded, data, "shoulder").torque == pytest.approx(-2e-5)
+    assert engine.friction(reloaded, data, "elbow").torque == pytest.approx(-4e-5)
+    with pytest.raises(ModelError, match="'elbow' has friction already"):
+        engine.attach(spec, {"elbow": BEARING})
+
+
+def test_sharing_changes_no_bit():
+    plants = {"shoulder": BEARING, "elbow": BEARING}
+    shared = engine.attach(two_joint_arm(), plants)
+    alone = mujoco.MjSpec.from_string(two_joint_arm())
+    for name, plant in plants.items():
+        engine.attach(alone, {name: plant})
+    out = []
+    for spec in (shared, alone):
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        for k in range(300):
+            data.qfrc_applied[:] = 0.01 * np.sin([0.1 * k, 0.17 * k])
+            mujoco.mj_step(model, data)
+        out.append(data.qpos.copy())
+    assert alone.compile().nplugin == 2
+    assert np.array_equal(*out)
+
+
+def test_a_joint_with_a_blank_in_its_name():
+    model = engine.attach(two_joint_arm("left elbow"), {"*": BEARING}).compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = [1, 2]
+    mujoco.mj_forward(model, data)
+    assert engine.friction(model, data, "left elbow").torque == pytest.approx(-4e-5)
+
+
+def test_a_part_of_a_model_that_shares_friction_cannot_go_alone_unnoticed():
+    child = engine.attach(two_joint_arm(), {"*": BEARING})
+    parent = mujoco.MjSpec()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        parent.worldbody.add_frame().attach_body(child.body("lower"), "r_", "")
+        with pytest.raises(ValueError, match="no joint is called 'r_shoulder'"):
+            parent.compile()

@@ -11,7 +11,6 @@ from axes import AXIS, BEARING, DRY, FC, FS, J, axis, gms, run, stick_slip
 from mujoco.batch import Batch
 
 from gms_mujoco import effects, engine
-from gms_mujoco.errors import EngineError
 from gms_mujoco.plant import Plant
 
 MODELS = Path(__file__).resolve().parent.parent / "models"

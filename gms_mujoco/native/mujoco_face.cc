@@ -86,7 +86,7 @@ struct Group {
   int n_late = 0, n_units = 0;
   bool inside = false;  // mj_fwdActuation, called by us
   gms::Implicit implicit;
-  std::vector<double> tau, actuator, bias;
+  std::vector<double> tau, actuator, bias, force;
   std::vector<Unit*> active;
 };
 
@@ -339,6 +339,7 @@ int init(const mjModel* m, mjData* d, int id) {
       const int n = static_cast<int>(taken.size());
       g.active.resize(n);
       g.implicit.reserve(n, m->nv, m->nC);
+      g.force.resize(m->nout);
       for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias}) v->resize(m->nv);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
     } else {
@@ -410,10 +411,12 @@ void compute(const mjModel* m, mjData* d, int id, int capability) {
     evaluate_late(m, d, g, bias, g->actuator.data());
   } else if (last && g->n_late > 0 && !g->inside) {
     const double* torque = actuator_torque(m, d, g);
-    if (!torque) {
+    if (!torque) {  // MuJoCo goes on from the forces as they are now, once we return
+      std::copy(d->actuator_force, d->actuator_force + m->nout, g->force.begin());
       g->inside = true;
       engine.mj_fwdActuation(m, d);
       g->inside = false;
+      std::copy(g->force.begin(), g->force.end(), d->actuator_force);
       torque = d->qfrc_actuator;
     }
     evaluate_late(m, d, g, d->qfrc_bias, torque);

@@ -1,0 +1,170 @@
+"""Implicit friction: joints far too stiff for an explicit step, against a small step; and what acts on them."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from axes import AXIS, DRY
+
+from gms_mujoco import effects, engine
+from gms_mujoco.plant import Plant
+
+ARM = Path(__file__).resolve().parent.parent / "models" / "arm.xml"
+POSE = [0.3, 0.8, 0.2, 0.9, 0.1, 0.5, 0.2]
+FREQUENCY = np.array([1120, 960, 800, 640, 480, 320, 160])  # of the joints on the springs of their friction [Hz]
+SHARE = np.array([0.1, 0.2, 0.3, 0.4])
+
+
+def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6)):
+    """The seven-joint arm with bearings of 160 to 1120 Hz; its data in POSE, its torques of gravity, its travel from
+    full slip to full slip."""
+    spec = mujoco.MjSpec.from_file(str(ARM))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = POSE
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((7, 7))
+    mujoco.mj_fullM(model, data, inertia)
+    plants, travel = {}, []
+    for i, top in enumerate(level):
+        stiffness = np.array([8, 4, 2, 1]) / 15 * inertia[i, i] * (2 * np.pi * FREQUENCY[i]) ** 2
+        law = effects.GMS(
+            stiffness=stiffness, fraction=SHARE, coulomb=top / 1.2, static=top, stribeck_velocity=0.05,
+            attraction=30.0 * top,
+        )
+        plants[model.joint(i).name] = Plant.axis() + law
+        travel.append(2 * (SHARE * top / 1.2 / stiffness).max())
+    spec = engine.attach(ARM, plants, integration)
+    spec.option.timestep = h
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = POSE
+    mujoco.mj_forward(model, data)
+    return model, data, data.qfrc_bias.copy(), np.array(travel), np.array(level, float)
+
+
+def test_seven_stiff_joints_at_2_ms_stay_within_half_a_percent():
+    """A slow load that no joint gives way to, taken at the end of each step as backward Euler does, against a step
+    of 10 us. A load held over a step lags by that step, in MuJoCo as in any controller: no error of the friction."""
+
+    def motion(h, integration):
+        model, data, gravity, travel, level = stiff_arm(h, integration)
+        out = []
+        for k in range(round(0.4 / h)):
+            t = (k + 1) * h
+            rise = 0.5 - 0.5 * np.cos(np.pi * min(1, t / 0.2))
+            data.ctrl[:] = gravity + 0.6 * level * np.sin(2 * np.pi * 2 * t) * rise
+            mujoco.mj_step(model, data)
+            if (k + 1) % round(2e-3 / h) == 0:
+                out.append(data.qpos.copy())
+        return np.array(out), travel
+
+    reference, travel = motion(1e-5, "explicit")
+    error = np.abs(motion(2e-3, "auto")[0] - reference).max(axis=0) / travel
+    assert (error < 0.005).all(), error
+
+
+@pytest.mark.parametrize("h", [1e-3, 5e-3])
+def test_stiff_arm_slides_and_stops_without_chatter(h):
+    """Pushed past break-away and let go all joints stop, but for what they vibrate within their bearings."""
+    model, data, gravity, travel, level = stiff_arm(h)
+    end = []
+    for k in range(round(1 / h)):
+        data.ctrl[:] = gravity + (1.5 * level if k * h < 0.2 else 0)
+        mujoco.mj_step(model, data)
+        for i in range(7):
+            reading = engine.friction(model, data, model.joint(i).name)
+            assert (np.abs(reading.states["gms"][::2]) <= SHARE * level[i] * (1 + 1e-9)).all()
+        if k * h > 0.2:
+            mujoco.mj_forward(model, data)
+            gravity = data.qfrc_bias.copy()
+        if k * h > 0.8:
+            end.append(data.qpos.copy())
+    assert not any(w.number for w in data.warning)
+    assert np.abs(np.subtract(data.qpos, POSE)).max() > 50 * travel.max(), "the joints must slide"
+    assert (np.ptp(end, axis=0) < 0.05 * travel).all()
+
+
+def test_coupled_static_friction_solves_the_inclusion():
+    """Each joint either holds, with a torque inside its level, or slides at its level against the motion."""
+    level = np.array([20.0, 15, 10, 8, 3, 2, 1])
+    rng = np.random.default_rng(0)
+    plants = {}
+    names = [j.name for j in mujoco.MjSpec.from_file(str(ARM)).joints]
+    for name, top in zip(names, level, strict=True):
+        plants[name] = Plant.axis() + effects.Coulomb(coulomb=float(top))
+    model = engine.attach(ARM, plants).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = POSE
+    held = slid = 0
+    for k in range(400):
+        if k % 20 == 0:
+            load = 1.6 * level * rng.uniform(-1, 1, 7)
+        mujoco.mj_forward(model, data)
+        data.ctrl[:] = data.qfrc_bias + load
+        mujoco.mj_step(model, data)
+        f, v = data.qfrc_passive, data.qvel
+        holds = np.abs(v) < 1e-9
+        assert (np.abs(f[holds]) <= level[holds] * (1 + 1e-9)).all()
+        assert np.allclose(f[~holds], -level[~holds] * np.sign(v[~holds]), rtol=1e-6)
+        held, slid = held + holds.sum(), slid + (~holds).sum()
+    assert held > 200 and slid > 200
+
+
+WAYS = {
+    "forcerange": '<actuator><motor name="drive" joint="shaft" gear="2" forcerange="-1.7e-3 1.7e-3"/></actuator>',
+    "joint range": '<actuator><motor name="drive" joint="shaft"/></actuator>',
+    "tendon": '<tendon><fixed name="t" actuatorfrclimited="true" actuatorfrcrange="-3.4e-3 3.4e-3">'
+    '<joint joint="shaft" coef="1"/></fixed></tendon><actuator><motor name="drive" tendon="t"/></actuator>',
+    "dcmotor": '<actuator><dcmotor name="drive" joint="shaft" motorconst="0.1" resistance="10" '
+    'cogging="1e-3 8 0.5"/></actuator>',
+    "position": '<actuator><position name="drive" joint="shaft" kp="3e-3" kv="1e-4"/></actuator>',
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_friction_knows_what_the_actuators_end_up_with(way):
+    """Gears, limits of force, tendons, motors: static friction of 4 mN m carries what comes through, exactly."""
+    xml = AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', WAYS[way])
+    if way == "joint range":
+        xml = xml.replace('<joint name="shaft"', '<joint name="shaft" actuatorfrcrange="-3.4e-3 3.4e-3"')
+    model = engine.attach(xml, {"shaft": DRY}).compile()
+    data = mujoco.MjData(model)
+    for k in range(300):
+        data.ctrl[0] = {"dcmotor": 0.2, "position": 1.0}.get(way, 0.1) * np.sin(0.05 * k)
+        mujoco.mj_step(model, data)
+        assert abs(data.qpos[0]) < 1e-15
+        assert data.qfrc_passive[0] == pytest.approx(-data.qfrc_actuator[0], abs=1e-15)
+    assert np.abs(data.qfrc_actuator).max() < 4e-3
+
+
+def test_gravity_compensation_by_the_actuators_is_known():
+    xml = AXIS
+    for old, new in (
+        ('gravity="0 0 0"', 'gravity="0 -9.81 0"'),
+        ('name="rotor"', 'name="rotor" gravcomp="1"'),
+        ('<joint name="shaft"', '<joint name="shaft" actuatorgravcomp="true"'),
+        ('<inertial pos="0 0 0"', '<inertial pos="1 0 0"'),
+    ):
+        xml = xml.replace(old, new)
+    model = engine.attach(xml, {"shaft": DRY}).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 500)
+    assert data.qfrc_actuator[0] == pytest.approx(9.81)
+    assert abs(data.qpos[0]) < 1e-12 and abs(data.qfrc_passive[0]) < 1e-9
+
+
+def test_explicit_is_chosen_where_it_is_stable():
+    """Automatic: the trajectory of the explicit step up to (w h)^2 = 2, of the implicit one above."""
+    for wh, same in ((1.3, "explicit"), (1.5, "implicit")):
+        inertia, h = 1e-3, 1e-3
+        law = effects.GMS(
+            stiffness=[inertia * (wh / h) ** 2], fraction=[1.0], coulomb=0.1, static=0.1, stribeck_velocity=1.0,
+            attraction=1.0,
+        )
+        joint = (Plant.axis() + law).joint()
+        torque = 0.05 * np.sin(np.arange(300) * 0.1)
+        motion = [joint.simulate(inertia, h, torque, integration=way).position for way in ("auto", same)]
+        assert np.array_equal(*motion)
+        assert np.isfinite(motion[0]).all() and np.abs(motion[0]).max() < 1
