@@ -1,11 +1,20 @@
-"""What friction costs: time of a MuJoCo step with friction over the time without, beside MuJoCo's own elements.
+"""What friction costs: a MuJoCo step with friction over the step without, beside MuJoCo's own elements.
 
-Servo axis, seven-joint arm, and a humanoid of 27 hinges that stands on a floor; four elements on every hinge. The
-variants take turns in short rounds of one process; the figure is the median over the rounds of the ratio to the
-plain model in the same round, with the quartiles. Run: python benchmarks/cost.py [rounds]
+Servo axis, seven-joint arm, and a humanoid of 27 driven hinges that stands on a floor; four elements on every hinge.
+The variants take turns in short rounds of one process; the figure is the median over the rounds of the ratio to the
+plain model in the same round, with the quartiles. Then instructions by callgrind, which no neighbour disturbs: those
+of a step beyond the plain one, per joint and element. Friction changes how the humanoid moves and with that the
+work of its contacts, which is in its figures, ours and theirs. Last, a batch on one thread and on all.
+
+Run: python benchmarks/cost.py [rounds]
 """
 
+import os
+import re
+import shutil
+import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
@@ -13,6 +22,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 
 from gms_mujoco import effects, engine
 from gms_mujoco.plant import Plant
@@ -48,7 +58,13 @@ def humanoid() -> str:
         + limb("right_arm", "0 -0.2 0.15", [y, x, z, y, z, y], "0 -0.05 -0.12")
         + limb("left_leg", "0 0.1 -0.2", [z, x, y, y, y, x], "0 0 -0.2", foot=True)
         + limb("right_leg", "0 -0.1 -0.2", [z, x, y, y, y, x], "0 0 -0.2", foot=True)
-        + "</body></worldbody></mujoco>"
+        + "</body></worldbody><actuator>"
+        + "".join(
+            f'<motor joint="{name}{i}"/>'
+            for name, n in (("neck", 3), ("left_arm", 6), ("right_arm", 6), ("left_leg", 6), ("right_leg", 6))
+            for i in range(n)
+        )
+        + "</actuator></mujoco>"
     )
 
 
@@ -65,11 +81,11 @@ def plain(spec: mujoco.MjSpec) -> None:
     pass
 
 
-def gms(integration: str) -> Variant:
+def gms(integration: str, stiffer: float = 1.0) -> Variant:
     def add(spec: mujoco.MjSpec) -> None:
         f = level(spec)
         law = effects.GMS(
-            stiffness=np.array([180.0, 90.0, 45.0, 20.0]) * f, fraction=[0.1, 0.2, 0.3, 0.4], coulomb=f,
+            stiffness=np.array([180.0, 90.0, 45.0, 20.0]) * f * stiffer, fraction=[0.1, 0.2, 0.3, 0.4], coulomb=f,
             static=1.2 * f, stribeck_velocity=0.8, attraction=60 * f,
         )
         plant = Plant.axis() + law
@@ -108,6 +124,7 @@ VARIANTS = {
     "plain": plain,
     "gms explicit": gms("explicit"),
     "gms implicit": gms("implicit"),
+    "gms implicit, 100 x stiffer": gms("implicit", 100),
     "springyield tendons": tendons,
     "dcmotor LuGre": lugre,
     "frictionloss": frictionloss,
@@ -139,28 +156,104 @@ def round_of(model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> float:
     return spent / (steps // 10 * 10)
 
 
-def main() -> None:
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 60
-    warnings.simplefilter("ignore")
+ELEMENTS = 4
+HINGES = {"servo": 1, "arm": 7, "humanoid": 27}
+
+
+def table(rows: dict[str, list[str]]) -> None:
+    print(f"{'':28s}" + "".join(f"{name:>26s}" for name in SOURCES))
+    for v, row in rows.items():
+        print(f"{v:28s}" + "".join(f"{cell:>26s}" for cell in row))
+
+
+def times(rounds: int) -> None:
     print(f"MuJoCo {mujoco.__version__}; step time over plain, median (quartiles) of {rounds} rounds")
-    print(f"{'':24s}" + "".join(f"{name:>26s}" for name in SOURCES))
-    table: dict[str, list[str]] = {name: [] for name in VARIANTS}
+    rows: dict[str, list[str]] = {name: [] for name in VARIANTS}
     for name, source in SOURCES.items():
         built = {v: build(source, f) for v, f in VARIANTS.items()}
-        times = {v: [] for v in VARIANTS}  # type: dict[str, list[float]]
+        spent: dict[str, list[float]] = {v: [] for v in VARIANTS}
         for i in range(rounds + 3):
-            order = list(VARIANTS) if i % 2 else list(VARIANTS)[::-1]
-            for v in order:
+            for v in list(VARIANTS) if i % 2 else list(VARIANTS)[::-1]:
                 t = round_of(*built[v], STEPS[name])
                 if i >= 3:
-                    times[v].append(t)
-        base = np.array(times["plain"])
+                    spent[v].append(t)
+        base = np.array(spent["plain"])
         for v in VARIANTS:
-            low, mid, high = np.quantile(np.array(times[v]) / base, [0.25, 0.5, 0.75])
-            us = np.median(times[v]) * 1e6
-            table[v].append(f"{us:8.2f} us" if v == "plain" else f"{mid:.3f} ({low:.3f}-{high:.3f})")
-    for v, row in table.items():
-        print(f"{v:24s}" + "".join(f"{cell:>26s}" for cell in row))
+            low, mid, high = np.quantile(np.array(spent[v]) / base, [0.25, 0.5, 0.75])
+            us = np.median(spent[v]) * 1e6
+            rows[v].append(f"{us:8.2f} us" if v == "plain" else f"{mid:.3f} ({low:.3f}-{high:.3f})")
+    table(rows)
+
+
+COUNTED = 100  # steps
+
+
+def counts() -> dict[tuple[str, str], float]:
+    """Instructions of a step by callgrind, which writes out its sums whenever a round begins by resetting its data."""
+    with tempfile.TemporaryDirectory() as folder:
+        options = [f"--callgrind-out-file={folder}/part", "--toggle-collect=mj_step", "--dump-before=mj_resetData"]
+        subprocess.run(
+            ["valgrind", "--tool=callgrind", *options, sys.executable, __file__, "--count"],
+            check=True, capture_output=True,
+        )
+        parts = sorted(Path(folder).glob("part*"), key=lambda f: int(f.suffix[1:] or 10**9))
+        sums = [int(n) for f in parts for n in re.findall(r"^totals: (\d+)", f.read_text(), re.M)]
+    rounds = [(name, v) for name in SOURCES for v in VARIANTS]
+    return {r: n / COUNTED for r, n in zip(rounds, sums[1:], strict=True)}  # the first is of compiling
+
+
+def instructions() -> None:
+    if not shutil.which("valgrind"):
+        print("\ninstructions: left out, valgrind is not installed")
+        return
+    print(f"\ninstructions of a step beyond the plain one, per joint and element ({ELEMENTS} on every joint)")
+    counted = counts()
+    rows: dict[str, list[str]] = {v: [] for v in VARIANTS}
+    for name in SOURCES:
+        base = counted[name, "plain"]
+        for v in VARIANTS:
+            share = (counted[name, v] - base) / HINGES[name] / ELEMENTS
+            rows[v].append(f"{base:.0f} in all" if v == "plain" else f"{share:.0f}")
+    table(rows)
+
+
+def batch(rounds: int, worlds: int = 64, steps: int = 40) -> None:
+    """Steps of the arm in a Batch: throughput against plain, and whether the number of threads changes a bit."""
+    threads = os.cpu_count() or 1
+    print(f"\nbatch of {worlds} arms, throughput over plain, median of {rounds} rounds, on 1 and {threads} threads")
+    ends: dict[str, list[np.ndarray]] = {}
+    spent: dict[tuple[str, int], list[float]] = {}
+    variants = ("plain", "gms explicit", "gms implicit")
+    models = {v: build(SOURCES["arm"], VARIANTS[v])[0] for v in variants}
+    for n in (1, threads):
+        batches = {v: Batch(models[v], worlds, n, True) for v in variants}
+        rng = np.random.default_rng(0)
+        for i in range(rounds):
+            ctrl = rng.normal(size=(worlds, 7)) * 5
+            for v in variants if i % 2 else variants[::-1]:
+                batches[v].ctrl[:] = ctrl
+                start = time.perf_counter()
+                for _ in range(steps):
+                    batches[v].step()
+                spent.setdefault((v, n), []).append(time.perf_counter() - start)
+        for v in variants:
+            ends.setdefault(v, []).append(np.array(batches[v].qpos))
+    for v in variants[1:]:
+        ratio = [np.median(np.array(spent["plain", n]) / np.array(spent[v, n])) for n in (1, threads)]
+        same = np.array_equal(*ends[v])
+        print(f"{v:28s}{ratio[0]:8.3f}{ratio[1]:8.3f}   {'the same' if same else 'NOT the same'} to the last bit")
+
+
+def main() -> None:
+    warnings.simplefilter("ignore")
+    if sys.argv[1:2] == ["--count"]:
+        for built in [build(source, v) for source in SOURCES.values() for v in VARIANTS.values()]:
+            round_of(*built, COUNTED)
+        return
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    times(rounds)
+    batch(rounds)
+    instructions()
 
 
 if __name__ == "__main__":
