@@ -19,6 +19,7 @@ from .record import Record
 Array = NDArray[np.float64]
 
 WINDOW = 0.05  # s, over which a forward simulation is judged
+_SUBSTEPS = 4  # of it per sample
 
 
 @dataclass(frozen=True)
@@ -149,8 +150,9 @@ def compare_observations(plant: Plant, observations: Sequence[Observation], nois
 
 def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Generator) -> RecordComparison:
     misfit = Misfit(plant, [o], fixed=all_labels(plant))
-    memory = solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.size else None
-    measured, needed = o.applied(plant), o.needed(plant, memory)
+    memory = solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.n_memory else None
+    measured = o.applied(plant, float(plant.provenance.get("clock_skew", 0.0)))
+    needed = o.needed(plant, memory)
     floor = floor_residual(o, plant, memory, noise, rng)
     return RecordComparison(
         o.record.name,
@@ -173,19 +175,22 @@ def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> flo
     for effect in plant.effects:
         torque = effect.deliver(r.time, torque)
     joint = plant.joint()
-    signals = {k: r.get(k) for k in ("load", "temperature")}
-    states = joint.replay(r.time, o.position, o.velocity, memory=memory, states=True, **signals).states
+    load, temperature = r.get("load"), r.get("temperature")
+    states = joint.replay(r.time, o.position, o.velocity, load, temperature, memory, states=True).states
     assert states is not None
-    length = max(int(round(WINDOW / r.sample_time)), 2)
+    length = max(round(WINDOW / r.sample_time), 2)
     wrong, moved = [], []
     for a in range(int(o.index[0]), len(r) - length, length):
         here = slice(a, a + length + 1)
-        part = {k: v[here] if v is not None else None for k, v in signals.items()}
         motion = joint.simulate(
-            plant.driven_inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), 4,
-            start=float(r.time[a]), state=states[a], **part,
-        )
-        simulated = motion.position[-1] - motion.position[0]
+            plant.driven_inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), _SUBSTEPS,
+            start=float(r.time[a]), state=states[a],
+            load=None if load is None else load[here],
+            temperature=None if temperature is None else temperature[here],
+        )  # fmt: skip
+        # Half a time step of the velocity back: see simulate.
+        lead = 0.5 * r.sample_time / _SUBSTEPS * (motion.velocity[-1] - motion.velocity[0])
+        simulated = motion.position[-1] - motion.position[0] - lead
         measured = o.position[a + length] - o.position[a]
         wrong.append(simulated - measured)
         moved.append(measured)

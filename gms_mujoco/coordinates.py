@@ -116,10 +116,11 @@ class Coordinates:
         """(size,) coordinates of a plant."""
         parts = []
         for b in self.blocks:
-            value = plant[b.effect].values[b.parameter.name] if b.effect else plant.inertia
+            given = plant[b.effect].values[b.parameter.name] if b.effect else plant.inertia
+            value = np.atleast_1d(np.asarray(given, float))
             if b.scale == "above":
-                value = np.subtract(value, plant[b.effect].values[b.parameter.at_least])
-            parts.append(b.encode(np.atleast_1d(np.asarray(value, float))))
+                value = value - np.asarray(plant[b.effect].values[b.parameter.at_least], float)
+            parts.append(b.encode(value))
         return np.concatenate(parts) if parts else np.empty(0)
 
     def values(self, x: Array) -> dict[str, Array]:

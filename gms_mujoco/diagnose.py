@@ -15,21 +15,32 @@ from .compare import Comparison, compare_observations
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import FitResult, Misfit, Progress, baseline, block_sums, fit_observations, observe, refit
+from .fit import (
+    FitResult,
+    Misfit,
+    Progress,
+    baseline,
+    block_sums,
+    fit_observations,
+    nudge,
+    observe,
+    refine,
+    rough_fit,
+)
 from .inverse import Observation
-from .noise import estimate_noise
 from .plant import Plant
 from .remainder import describe
-from .screen import BLOCK, Candidate, Screen, applicable, cross_validated
+from .screen import BLOCK, Candidate, Screen, applicable, cross_validated, is_present
 
 Array = NDArray[np.float64]
 
 MOST_EFFECTS = 4  # added in a row
 FALSE_DISCOVERY_RATE = 0.01
-LEAST_GAIN = 0.01  # of the squared error on held-out blocks: less is not worth an effect
+LEAST_GAIN = 0.05  # of the squared error on held-out blocks: less is not worth an effect
 AT_FLOOR = 1.3  # times the noise floor: as good as the sensors, whose noise is known no better
 NOTHING_LEFT = 1.1  # times the noise floor: below it there is nothing that an effect could explain
-_CONTENDERS = 5  # candidates that are refitted jointly
+_CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_FINALISTS = 2  # of them, fitted to the end
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
@@ -45,14 +56,16 @@ class Step:
         evidence: one sentence that a person can check on a plot.
         confusable_with: effects that these records cannot tell from the one added.
         p_value: of the fall of the error on held-out blocks.
+        held_out: (blocks,) squared residual of each block of the fit records, left by a fit without it.
     """
 
     effect: str | None
     result: FitResult
     comparison: Comparison | None = None
-    evidence: str = ""
     confusable_with: tuple[str, ...] = ()
     p_value: float = float("nan")
+    held_out: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    evidence: str = ""
 
     @property
     def validate_error(self) -> float | None:
@@ -199,13 +212,11 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
     search.drop_idle()
 
     report(0.9, "scoring the validate records")
-    final = search.steps[-1].result.plant
-    assert final.inertia is not None
-    noise = estimate_noise([o.record for o in seen], final.inertia)
+    noise = search.steps[-1].result.noise
     steps = tuple(
-        Step(s.effect, s.result, compare_observations(s.result.plant, validate, noise) if validate else None,
-             s.evidence, s.confusable_with, s.p_value)
-        for s in search.steps
+        replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
+                evidence=_evidence(search.steps[i - 1], s) if i else "")
+        for i, s in enumerate(search.steps)
     )  # fmt: skip
     rejected = tuple(
         Rejected(name, p, compare_observations(trial, validate, noise).torque_error if validate else None)
@@ -234,7 +245,8 @@ def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: fl
         )
     elif not at_floor and rejected:
         likely = min(rejected, key=lambda r: r.p_value)
-        following = f"Nothing known explains the rest. {likely.effect} came closest: {_lowered(effects.find(likely.effect).experiment)}"
+        experiment = _lowered(effects.find(likely.effect).experiment)
+        following = f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
     return Diagnosis(verdict, floor, steps, rejected, remainder, following)
 
 
@@ -248,8 +260,12 @@ class _Search:
     def __init__(self, seen: Sequence[Observation], select: Sequence[Observation], start: Plant) -> None:
         self.seen, self.select, self.start = list(seen), list(select), start
         self.steps: list[Step] = []
-        self.held_out: Array = np.empty(0)
         self.rejected: list[tuple[str, float, Plant]] = []
+
+    @property
+    def held_out(self) -> Array:
+        """(blocks,) squared residuals of the current plant on held-out blocks."""
+        return self.steps[-1].held_out
 
     @property
     def error(self) -> float:
@@ -260,8 +276,7 @@ class _Search:
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
-        self.steps.append(Step(None, result))
-        self.held_out = _held_out(result)
+        self.steps.append(Step(None, result, held_out=cross_validated(result.misfit, result.vector)))
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
@@ -269,75 +284,87 @@ class _Search:
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
         scored = [c for c in map(screen.candidate, applicable(current.plant)) if c is not None]
-        scored.sort(key=lambda c: c.held_out.sum())
-        before = self.held_out.sum()
-        promising = [c for c in scored if c.held_out.sum() < (1 - _WORTH_A_TRIAL) * before][:_CONTENDERS]
-        trials: list[tuple[Candidate, FitResult, Array]] = []
-        for i, c in enumerate(promising):
-            report(0.2 + 0.6 * i / len(promising), f"refitting with {c.effect.name}")
-            result = self._refitted(current, c.effect)
-            trials.append((c, result, _held_out(result)))
-        trials.sort(key=lambda t: t[2].sum())
-        if trials and trials[0][1].error > AT_FLOOR * trials[0][1].floor:
-            c, result, _ = trials[0]
-            report(0.8, f"refitting with {c.effect.name} from the beginning")
-            afresh = self._afresh(result, c.effect.name)
-            if afresh.error < result.error:
-                trials[0] = (c, afresh, _held_out(afresh))
-        self._settle_for(trials)
+        scored.sort(key=lambda c: -c.gain)
         p_values = {c.effect.name: _p_value(self.held_out - c.held_out) for c in scored}
-        p_values |= {c.effect.name: _p_value(self.held_out - h) for c, _, h in trials}
         plants = {c.effect.name: current.plant + c.effect for c in scored}
-        plants |= {c.effect.name: r.plant for c, r, _ in trials}
+
+        promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
+        rough: list[tuple[str, Misfit, Array]] = []
+        for i, c in enumerate(promising):
+            report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
+            rough.append((c.effect.name, *self._tried(current, c)))
+        rough.sort(key=lambda t: _square(t[1], t[2]))
+        trials: list[tuple[str, FitResult, Array]] = []
+        for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
+            report(0.7 + 0.1 * i, f"refitting with {name}")
+            result = refine(misfit, x)
+            if i == 0 and result.error > AT_FLOOR * result.floor:
+                result = min(result, self._afresh(result.plant, name), key=_error)
+            trials.append((name, result, cross_validated(result.misfit, result.vector)))
+        self._settle_for(trials)
+        p_values |= {name: _p_value(self.held_out - h) for name, _, h in trials}
+        plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items()]
-        passed = _discoveries(p_values)
         if self.error <= NOTHING_LEFT * self.steps[-1].result.floor:
             return False
+        return self._accept(trials, p_values)
+
+    def _accept(self, trials: Sequence[tuple[str, FitResult, Array]], p_values: dict[str, float]) -> bool:
+        passed = _discoveries(p_values)
         earned = [
-            t for t in trials
-            if t[0].effect.name in passed and t[2].sum() < (1 - LEAST_GAIN) * self.held_out.sum() and self._selects(t[1])
-        ]  # fmt: skip
+            (name, result, held_out)
+            for name, result, held_out in trials
+            if name in passed
+            and held_out.sum() < (1 - LEAST_GAIN) * self.held_out.sum()
+            and is_present(result.plant[name])
+            and self._selects(result)
+        ]
         if not earned:
             return False
         # Of those that are as good as the best the one with the fewest free parameters.
         best = min(earned, key=lambda t: t[2].sum())
         equal = [t for t in earned if _p_value(t[2] - best[2]) > _CONFUSABLE]
-        c, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
-        name = c.effect.name
-        confusable = tuple(t[0].effect.name for t in equal if t[0].effect.name != name)
-        evidence = self._evidence(c.effect, result, held_out, p_values[name])
-        self.steps.append(Step(name, result, None, evidence, confusable, p_values[name]))
-        self.held_out = held_out
+        name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
+        confusable = tuple(t[0] for t in equal if t[0] != name)
+        self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
         return True
 
-    def _settle_for(self, trials: Sequence[tuple[Candidate, FitResult, Array]]) -> None:
+    def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
         """Lets the current plant keep what a trial found for it.
 
         A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
         that gain is the plant's own and must not be counted for the effect.
         """
-        for c, result, held_out in trials[:2]:
+        for name, result, held_out in trials[:1]:
             if held_out.sum() < (1 - LEAST_GAIN) * self.held_out.sum():
-                alone = refit(*_without(result, c.effect.name))
+                alone = refine(*_without(result, name))
                 if alone.error < self.steps[-1].result.error:
-                    self.steps[-1] = replace(self.steps[-1], result=alone)
-                    self.held_out = _held_out(alone)
+                    again = cross_validated(alone.misfit, alone.vector)
+                    self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
 
-    def _refitted(self, current: FitResult, effect: Effect) -> FitResult:
-        """The joint fit with one effect more, from where the plant is."""
-        plant = current.plant + effect
+    def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
+        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
+        plant = current.plant + candidate.effect
         misfit = Misfit(plant, self.seen)
         extra = np.zeros(misfit.n_memory - current.misfit.n_memory)
         known = [current.misfit.memory(current.vector, i) for i in range(len(self.seen))]
         memories = [np.append([] if m is None else m, extra) for m in known]
-        return refit(misfit, misfit.settle(misfit.vector(plant, memories)))
+        x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
+        if not candidate.strong:
+            return misfit, x
+        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), self.seen)
+        return min(((misfit, x), other), key=lambda t: _square(*t))
 
-    def _afresh(self, near: FitResult, name: str) -> FitResult:
-        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
+    def _fresh(self, near: Plant, name: str) -> Plant:
+        """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""
         fresh = self.start
         for added in (*(s.effect for s in self.steps if s.effect), name):
-            fresh = fresh + near.plant[added]
-        return fit_observations(fresh, self.seen)
+            fresh = fresh + near[added]
+        return fresh
+
+    def _afresh(self, near: Plant, name: str) -> FitResult:
+        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
+        return fit_observations(self._fresh(near, name), self.seen)
 
     def _selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
@@ -348,32 +375,29 @@ class _Search:
         )
         return after < before
 
-    def _evidence(self, effect: Effect, result: FitResult, held_out: Array, p: float) -> str:
-        before, after = self.error, result.error
-        per_record = [
-            (a.sum(), b.sum())
-            for a, b in zip(_by_record(self.seen, self.held_out), _by_record(self.seen, held_out), strict=True)
-        ]
-        better = sum(b < a for a, b in per_record)
-        return (
-            f"{effect.name}: with it the torque error falls from {100 * before:.2f} % to {100 * after:.2f} % "
-            f"(p = {p:.1g} on held-out blocks), in {better} of {len(per_record)} fit records; "
-            f"{_lowered(effect.signature)}"
-        )
-
     def drop_idle(self) -> None:
         """Takes away again an effect that a later one has made superfluous."""
         for k in range(len(self.steps) - 2, 0, -1):
             name = self.steps[k].effect
             assert name is not None
-            final = self.steps[-1].result
-            without = refit(*_without(final, name))
-            if _p_value(_held_out(without) - self.held_out) > FALSE_DISCOVERY_RATE:
-                later = [s for s in self.steps[k + 1 :]]
-                self.steps = [*self.steps[:k], *later[:-1], Step(
-                    later[-1].effect, without, None, later[-1].evidence, later[-1].confusable_with, later[-1].p_value
-                )]  # fmt: skip
-                self.held_out = _held_out(without)
+            last = self.steps[-1]
+            without = refine(*_without(last.result, name))
+            held_out = cross_validated(without.misfit, without.vector)
+            if _p_value(held_out - last.held_out) > FALSE_DISCOVERY_RATE:
+                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], replace(last, result=without, held_out=held_out)]
+
+
+def _evidence(before: Step, step: Step) -> str:
+    """One sentence that can be checked on a plot."""
+    assert step.effect is not None
+    observations = step.result.misfit.observations
+    pairs = zip(_by_record(observations, before.held_out), _by_record(observations, step.held_out), strict=True)
+    better = sum(b.sum() < a.sum() for a, b in pairs)
+    return (
+        f"{step.effect}: with it the torque error falls from {100 * before.result.error:.2f} % to "
+        f"{100 * step.result.error:.2f} % (p = {step.p_value:.1g} on held-out blocks), in {better} of "
+        f"{len(observations)} fit records; {_lowered(effects.find(step.effect).signature)}"
+    )
 
 
 def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
@@ -382,11 +406,16 @@ def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
     if misfit.n_memory == result.misfit.n_memory and misfit.n_memory:
         memories = [result.misfit.memory(result.vector, i) for i in range(len(misfit.observations))]
         return misfit, misfit.vector(plant, [m for m in memories if m is not None])
-    return misfit, misfit.settle(misfit.vector(plant))
+    return misfit, misfit.vector(plant)
 
 
-def _held_out(result: FitResult) -> Array:
-    return cross_validated(result.misfit, result.vector)
+def _error(result: FitResult) -> float:
+    return result.error
+
+
+def _square(misfit: Misfit, x: Array) -> float:
+    residual = misfit.residual(x)
+    return float(residual @ residual)
 
 
 def _by_record(observations: Sequence[Observation], blocks: Array) -> list[Array]:

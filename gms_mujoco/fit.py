@@ -15,7 +15,7 @@ from . import effects
 from .coordinates import Coordinates
 from .errors import DataError
 from .inverse import Observation
-from .noise import choose_bandwidth, estimate_noise, floor_residual
+from .noise import Noise, choose_bandwidth, estimate_noise, floor_residual, refine_noise
 from .plant import Plant
 from .record import Record
 from .scales import Scales
@@ -29,6 +29,7 @@ Progress = Callable[[float, str], None]
 # Of the derivatives. A reversal that a smaller step moves across a sample would make them huge and meaningless.
 _STEP = 1e-4
 _OPENING = 2.0  # s of a record from which the states before it are guessed
+_SKEW = 0.1  # of a sample
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())  # replays run outside Python's lock
 
@@ -36,8 +37,10 @@ _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())  # replays run outside Py
 class Misfit:
     """Torque residuals of plants built like one template, over observations, as a function of one vector.
 
-    The vector holds the free parameters, then for each observation the state of the effects before its first
-    sample: nobody measured where the elements stood when the recording began.
+    The vector holds the free parameters; then the skew between the clocks of torque and position, which no log
+    keeps to better than a fraction of a sample (left out where a delay is identified, which contains it); then for
+    each observation the state of the effects before its first sample: nobody measured where the elements stood when
+    the recording began.
     """
 
     def __init__(
@@ -46,18 +49,31 @@ class Misfit:
         self.coordinates = Coordinates(template, fixed)
         self.observations = tuple(observations)
         self.n_memory = template.joint().n_memory if memory else 0
+        self.n_skew = 0 if "delay" in template or not self.coordinates.size else 1
         self.splits = np.cumsum([len(o.index) for o in self.observations])[:-1]
 
     @property
+    def n_common(self) -> int:
+        """Unknowns that concern all observations."""
+        return self.coordinates.size + self.n_skew
+
+    @property
     def size(self) -> int:
-        return self.coordinates.size + self.n_memory * len(self.observations)
+        return self.n_common + self.n_memory * len(self.observations)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         lower, upper = self.coordinates.bounds
         lower = np.maximum(lower, self._softest)
-        ones = np.ones(self.n_memory * len(self.observations))
-        return np.append(lower, -ones), np.append(upper, ones)
+        rest = np.ones(self.size - self.coordinates.size)
+        rest[: self.n_skew] = _SKEW * min(o.record.sample_time for o in self.observations)
+        return np.append(lower, -rest), np.append(upper, rest)
+
+    def skew(self, x: Array) -> float:
+        """By which the clock of the torque runs ahead of that of the position [s]."""
+        if not self.n_skew:
+            return float(self.coordinates.template.provenance.get("clock_skew", 0.0))
+        return float(x[self.coordinates.size])
 
     def held(self, x: Array, gradient: Array) -> NDArray[np.bool_]:
         """(size,) which unknowns press against a bound, for the gradient of the squared residual at `x`."""
@@ -68,13 +84,13 @@ class Misfit:
         """(n_memory,) state before observation i; None: the elements have never moved."""
         if not self.n_memory:
             return None
-        start = self.coordinates.size + i * self.n_memory
+        start = self.n_common + i * self.n_memory
         return x[start : start + self.n_memory]
 
-    def vector(self, plant: Plant, memories: Sequence[Array] | None = None) -> Array:
+    def vector(self, plant: Plant, memories: Sequence[Array] | None = None, skew: float = 0.0) -> Array:
         """The vector of a plant whose elements have never moved, or stand as given."""
         rest = np.zeros(self.n_memory * len(self.observations)) if memories is None else np.concatenate(memories)
-        return np.append(self.coordinates.encode(plant), rest)
+        return np.concatenate([self.coordinates.encode(plant), np.full(self.n_skew, skew), rest])
 
     def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them.
@@ -83,16 +99,17 @@ class Misfit:
         is blind; a coarse search per element is not. The opening of a record is enough for it.
         """
         x = x.copy()
-        plant = self.coordinates.decode(x[: self.coordinates.size])
+        plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
 
         def search(i: int) -> None:
             o, memory = self.observations[i].opening(_OPENING), self.memory(x, i)  # a view into x
             assert memory is not None
-            best = _cost(o.applied(plant) - o.needed(plant, memory))
+            applied = o.applied(plant, skew)
+            best = _cost(applied - o.needed(plant, memory))
             for level in (*_LEVELS, *_LEVELS):
                 for k in range(self.n_memory):
                     kept, memory[k] = memory[k], level
-                    cost = _cost(o.applied(plant) - o.needed(plant, memory))
+                    cost = _cost(applied - o.needed(plant, memory))
                     if cost < best:
                         best = cost
                     else:
@@ -102,18 +119,18 @@ class Misfit:
             list(_POOL.map(search, range(len(self.observations))))
         return x
 
-    def _one(self, plant: Plant, i: int, memory: Array | None) -> Array:
+    def _one(self, plant: Plant, i: int, x: Array) -> Array:
         o = self.observations[i]
-        return o.applied(plant) - o.needed(plant, memory)
+        return o.applied(plant, self.skew(x)) - o.needed(plant, self.memory(x, i))
 
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant = self.coordinates.decode(x[: self.coordinates.size])
         jobs = range(len(self.observations))
-        return np.concatenate(list(_POOL.map(lambda i: self._one(plant, i, self.memory(x, i)), jobs)))
+        return np.concatenate(list(_POOL.map(lambda i: self._one(plant, i, x), jobs)))
 
-    def jacobian(self, x: Array, base: Array | None = None) -> Array:
-        """(m, size) derivative of the residual, by forward differences."""
+    def jacobian(self, x: Array, base: Array | None = None, columns: NDArray[np.intp] | None = None) -> Array:
+        """(m, size) derivative of the residual, by forward differences; other `columns` than those asked for are 0."""
         n = self.coordinates.size
         base = self.residual(x) if base is None else base
         parts = np.split(base, self.splits)
@@ -124,27 +141,28 @@ class Misfit:
         plant = self.coordinates.decode(x[:n])
 
         def fill(column: int) -> None:
-            step = _STEP * (scale[column] if column < n else 1.0)
+            step = _STEP * (scale[column] if column < n else upper[column])
             if x[column] + step > upper[column]:
                 step = -step
             moved = x.copy()
             moved[column] += step
             step = moved[column] - x[column]
             # A state before the first sample concerns one observation; a parameter concerns all.
-            where = range(len(parts)) if column < n else [(column - n) // self.n_memory]
+            common = column < self.n_common
+            where = range(len(parts)) if common else [(column - self.n_common) // self.n_memory]
             there = self.coordinates.decode(moved[:n]) if column < n else plant
             for i in where:
                 rows = slice(starts[i], starts[i] + len(parts[i]))
-                out[rows, column] = (self._one(there, i, self.memory(moved, i)) - parts[i]) / step
+                out[rows, column] = (self._one(there, i, moved) - parts[i]) / step
 
-        list(_POOL.map(fill, range(self.size)))
+        list(_POOL.map(fill, range(self.size) if columns is None else columns))
         return out
 
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""
         n = self.coordinates.size
         near = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 0.5)
-        return np.append(near, np.full(self.size - n, 0.5))
+        return np.append(near, 0.5 * self.bounds[1][n:])
 
     @cached_property
     def _softest(self) -> Array:
@@ -172,31 +190,43 @@ def _cost(r: Array) -> float:
     return float(r @ r)
 
 
-def solve(misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4) -> Array:
+def solve(
+    misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4, columns: NDArray[np.intp] | None = None
+) -> Array:
     """The vector of least squares near `start`.
 
     Levenberg-Marquardt on the normal equations, with the parameters that press against a bound held there: many
     of the unknowns (states before the first sample, shares) end on a bound, where interior methods crawl.
+
+    Args:
+        misfit: the problem.
+        start: (size,) where to begin.
+        max_steps: at most so many derivatives.
+        tolerance: stops when the cost has fallen by a smaller share in two steps.
+        columns: the unknowns to move; None: all.
     """
     lower, upper = misfit.bounds
+    columns = np.arange(misfit.size) if columns is None else columns
     x = np.clip(start, lower, upper)
     r = misfit.residual(x)
     cost, damping = _cost(r), 1e-3
     stalled = 0
-    for _ in range(max_steps if misfit.size else 0):
-        jacobian = misfit.jacobian(x, r)
+    for _ in range(max_steps if len(columns) else 0):
+        jacobian = misfit.jacobian(x, r, columns)[:, columns]
         gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
-        held = misfit.held(x, gradient) | (np.diag(hessian) == 0)
-        free = np.flatnonzero(~held)
-        scale = np.sqrt(np.diag(hessian)[free])
+        push = np.zeros(misfit.size)
+        push[columns] = gradient
+        free = np.flatnonzero(~misfit.held(x, push)[columns] & (np.diag(hessian) > 0))
         if not len(free):
             break
+        moving = columns[free]
+        scale = np.sqrt(np.diag(hessian)[free])
         normal = hessian[np.ix_(free, free)] / np.outer(scale, scale)
         before = cost
         for _ in range(12):
             step = np.linalg.solve(normal + damping * np.eye(len(free)), gradient[free] / scale) / scale
             trial = x.copy()
-            trial[free] = np.clip(x[free] - np.clip(step, -3, 3), lower[free], upper[free])
+            trial[moving] = np.clip(x[moving] - np.clip(step, -3, 3), lower[moving], upper[moving])
             r_trial = misfit.residual(trial)
             cost_trial = _cost(r_trial)
             if cost_trial < cost:
@@ -219,6 +249,7 @@ class FitResult:
         floor: the same from sensor noise alone, for a perfect model.
         status: one sentence.
         misfit, vector: the least-squares problem and its solution.
+        noise: of the sensors, from which the floor follows.
     """
 
     plant: Plant
@@ -227,9 +258,12 @@ class FitResult:
     status: str
     misfit: Misfit
     vector: Array
+    noise: Noise
 
 
-def observe(records: Sequence[Record], inertia: float | None = None, bandwidth: float | None = None) -> list[Observation]:
+def observe(
+    records: Sequence[Record], inertia: float | None = None, bandwidth: float | None = None
+) -> list[Observation]:
     """The records seen through one band, chosen from their noise unless given [Hz].
 
     Raises:
@@ -291,25 +325,39 @@ def fit_observations(
 ) -> FitResult:
     """`fit` on records that are already seen through a band."""
     report = progress or (lambda done, message: None)
+    misfit, x = rough_fit(plant, observations, fixed, report)
+    report(0.5, "refining")
+    return refine(misfit, x, max_steps=40)
+
+
+def rough_fit(
+    plant: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), progress: Progress | None = None
+) -> tuple[Misfit, Array]:
+    """The best of several starts after a few steps each, with states before the records that are only guessed."""
+    report = progress or (lambda done, message: None)
     best: tuple[float, Plant] | None = None
     candidates = starts(plant, observations)
     for i, start in enumerate(candidates):
-        report(0.1 + 0.5 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
+        report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
         misfit = Misfit(start, observations, fixed, memory=False)
         x = solve(misfit, misfit.vector(start), max_steps=10)
         cost = _cost(misfit.residual(x))
         if best is None or cost < best[0]:
             best = cost, misfit.coordinates.decode(x)
     assert best is not None
-    report(0.5, "refining")
     misfit = Misfit(best[1], observations, fixed)
-    x = solve(misfit, misfit.settle(misfit.vector(best[1])))
-    return _result(misfit, x)
+    return misfit, nudge(misfit, misfit.vector(best[1]))
 
 
-def refit(misfit: Misfit, start: Array, max_steps: int = 40) -> FitResult:
-    """The fit next to a vector that is already close."""
-    return _result(misfit, solve(misfit, start, max_steps))
+def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:
+    """A few steps of the parameters alone: enough to see how good a fit will be."""
+    return solve(misfit, misfit.settle(x), max_steps, tolerance=3e-3, columns=np.arange(misfit.n_common))
+
+
+def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
+    """The fit next to a vector that is already close: first the few parameters, then all unknowns."""
+    x = solve(misfit, misfit.settle(x), max_steps, columns=np.arange(misfit.n_common))
+    return _result(misfit, solve(misfit, misfit.settle(x), max_steps // 2))
 
 
 def _result(misfit: Misfit, x: Array) -> FitResult:
@@ -319,7 +367,11 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     applied = [o.applied(plant) for o in observations]
     error = relative_error(np.split(residual, misfit.splits), applied)
     assert plant.inertia is not None
-    noise = estimate_noise([o.record for o in observations], plant.inertia)
+    noise = refine_noise(
+        estimate_noise([o.record for o in observations], plant.inertia),
+        observations,
+        np.split(residual, misfit.splits),
+    )
     rng = np.random.default_rng(0)
     floor = relative_error(
         [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)], applied
@@ -330,11 +382,15 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "bandwidth": float(observations[0].bandwidth),
         "error": error,
         "noise_floor": floor,
+        "clock_skew": misfit.skew(x),
         "version": f"gms_mujoco {__version__}",
     }
     plant = replace(plant, uncertainty=intervals, provenance=provenance)
-    status = f"torque error {100 * error:.2f} % of the torque up to {observations[0].bandwidth:.0f} Hz, noise floor {100 * floor:.2f} %"
-    return FitResult(plant, error, floor, status, misfit, x)
+    status = (
+        f"torque error {100 * error:.2f} % of the torque up to {observations[0].bandwidth:.0f} Hz, "
+        f"noise floor {100 * floor:.2f} %"
+    )
+    return FitResult(plant, error, floor, status, misfit, x, noise)
 
 
 def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:

@@ -146,8 +146,20 @@ class Observation:
         """(m,) band-limited acceleration [rad/s^2]."""
         return self.band(second_difference(self.record.position, self.record.sample_time))
 
-    def applied(self, plant: Plant) -> Array:
-        """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m]."""
+    def applied(self, plant: Plant, skew: float = 0.0) -> Array:
+        """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m].
+
+        Args:
+            skew: by which the clock of the torque runs ahead of that of the position, a small part of a sample [s].
+        """
+        torque = self._delivered(plant)
+        return torque - skew * self._rate if skew else torque
+
+    @cached_property
+    def _rate(self) -> Array:
+        return self.band(np.gradient(held_mean(self.record.torque), self.record.sample_time))
+
+    def _delivered(self, plant: Plant) -> Array:
         drive = [e for e in plant.effects if type(e).deliver is not Effect.deliver]
         if not drive:
             return self._commanded

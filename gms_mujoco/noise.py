@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from .record import Record
 Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
+_QUIETER = 0.25  # quantile over the records
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
 _NEGLIGIBLE = 0.01  # of the torque
 
@@ -53,22 +54,20 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
 
     It is read from the part of the spectrum of u - J q'' that the motion hardly reaches, where noise on the torque
     and noise on the position have known shapes: flat, and rising with the fourth power of frequency. Friction only
-    adds to that spectrum, so the quietest record says what the torque noise is; a median over segments keeps
-    single events (reversals, impacts) out of each.
+    adds to that spectrum, so the quieter records say what the noise is; a median over segments keeps single events
+    (reversals, impacts) out of each.
     """
-    each = [_white_noise(r, inertia) for r in records]
-    count = float(np.median([count_size(r) for r in records]))
-    torque, position = float(min(t for t, _ in each)), float(np.median([q for _, q in each]))
-    return Noise(torque, max(position, count / np.sqrt(12)), count)
-
-
-def _white_noise(record: Record, inertia: float) -> tuple[float, float]:
-    """Standard deviations of torque [N m] and position [rad]."""
-    h = record.sample_time
-    error = (held_mean(record.torque) - inertia * second_difference(record.position, h))[1:-1]
-    f, density = signal.welch(error, 1 / h, nperseg=min(1024, len(error) // 4), average="median", detrend="linear")
+    rates = np.array([1 / r.sample_time for r in records])
+    alike = [r for r, rate in zip(records, rates, strict=True) if abs(rate / rates.max() - 1) < 1e-3]
+    h = float(np.mean([r.sample_time for r in alike]))
+    segment = min(1024, *(len(r) // 4 for r in alike))
+    errors = [held_mean(r.torque) - inertia * second_difference(r.position, h) for r in alike]
+    spectra = [
+        signal.welch(e[1:-1], 1 / h, nperseg=segment, average="median", detrend="linear") for e in errors
+    ]
+    f = spectra[0][0]
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
-    density = signal.medfilt(density, 9)[use]
+    density = signal.medfilt(np.quantile([d for _, d in spectra], _QUIETER, axis=0), 9)[use]
     half = np.pi * f[use] * h
     shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = np.zeros(2)
@@ -77,7 +76,28 @@ def _white_noise(record: Record, inertia: float) -> tuple[float, float]:
         scale = np.maximum((shapes * weight[:, None]).max(0), 1e-300)
         variance = optimize.nnls(shapes * weight[:, None] / scale, density * weight)[0] / scale
         weight = 1 / np.maximum(shapes @ variance, 1e-300)
-    return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))
+    count = float(np.median([count_size(r) for r in records]))
+    torque, position = np.sqrt(variance)
+    return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
+
+
+def refine_noise(noise: Noise, observations: Sequence[Observation], residuals: Sequence[Array]) -> Noise:
+    """The noise, with that of the torque no larger than what a model has left most of the time.
+
+    What a model leaves over is noise and its own errors; the median over short segments and over frequencies
+    ignores errors that come and go. A band-limited residual sees what high frequencies cannot show.
+
+    Args:
+        residuals: (m,) torque residual of each observation [N m].
+    """
+    densities = []
+    for o, r in zip(observations, residuals, strict=True):
+        step = o.stride * o.record.sample_time
+        f, _, power = signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
+        inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
+        # The median of a periodogram's exponential distribution is ln 2 of its mean.
+        densities.append(float(np.median(power[inside])) / np.log(2) / (2 * o.record.sample_time))
+    return replace(noise, torque=min(noise.torque, float(np.sqrt(np.median(densities)))) if densities else noise.torque)
 
 
 def rough_inertia(records: Sequence[Record]) -> float:

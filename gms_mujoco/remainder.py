@@ -49,7 +49,8 @@ def describe(misfit: Misfit, vector: Array) -> str:
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
     at_rest = float(np.sum(residual[slow] ** 2)) / total
     if at_rest > max(2 * float(np.mean(slow)), _NOTABLE):
-        said.append(f"around standstill and reversals ({100 * at_rest:.0f} % in {100 * np.mean(slow):.0f} % of the time)")
+        share = 100 * float(np.mean(slow))
+        said.append(f"around standstill and reversals ({100 * at_rest:.0f} % in {share:.0f} % of the time)")
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])

@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ class Candidate:
 
     Attributes:
         effect: with the values from which a joint fit starts.
+        strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         gain: share of the squared residual that it explains, after a joint linear refit.
         held_out: (blocks,) squared residual of each block, predicted without that block [N^2 m^2].
         tangents: (m, k) what it could add, with everything the plant can do projected out, orthonormal.
@@ -47,6 +49,7 @@ class Candidate:
     gain: float
     held_out: Array
     tangents: Array
+    strong: Effect | None = None
 
 
 class Screen:
@@ -69,7 +72,9 @@ class Screen:
 
     def candidate(self, effect: type[Effect]) -> Candidate | None:
         """The best way to add an effect; None where the data cannot show it (no motion, signal missing)."""
-        best: tuple[float, Effect, Array] | None = None
+        # The best by its tangents, and the best at strengths that are not small.
+        weak: tuple[float, Effect, Array] | None = None
+        strong: tuple[float, Effect, Array] | None = None
         out_of_bounds: Effect | None = None
         for shape in shapes(effect, self.scales, self.misfit.observations):
             columns, names = self._tangents(effect, shape)
@@ -80,25 +85,25 @@ class Screen:
             strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
             seen &= strength != 0
             started = _started(effect, shape, names, -strength, self.scales)
+            out_of_bounds = out_of_bounds or started
             if seen.any():
                 gain = self._gain(free @ strength)
-                if best is None or gain > best[0]:
-                    best = gain, started, columns[:, seen]
-            out_of_bounds = out_of_bounds or started
-            for strong in _strong(effect, shape, self.scales):
-                change = self._change(strong)[:, None]
+                if weak is None or gain > weak[0]:
+                    weak = gain, started, columns[:, seen]
+            for trial in _strong(effect, shape, self.scales):
+                change = self._change(trial)[:, None]
                 gain = self._gain(-self.model.without(change)[:, 0])
-                if np.isfinite(gain) and gain > 0 and (best is None or gain > best[0]):
-                    best = gain, strong, change
-        if best is None:
+                if np.isfinite(gain) and (strong is None or gain > strong[0]):
+                    strong = gain, trial, change
+        found = sorted((s for s in (weak, strong) if s is not None), key=lambda s: -s[0])
+        if not found:
             # It can be seen, but every strength that is allowed makes things worse.
             empty = np.empty((len(self.model.target), 0))
             return Candidate(out_of_bounds, 0.0, self.held_out, empty) if out_of_bounds else None
-        gain, started, columns = best
+        gain, started, columns = found[0]
         share = gain / max(float(self.residual @ self.residual), 1e-300)
-        return Candidate(
-            started, share, self.model.held_out(columns), np.linalg.qr(self.model.without(columns))[0]
-        )
+        tangents = np.linalg.qr(self.model.without(columns))[0]
+        return Candidate(started, share, self.model.held_out(columns), tangents, strong[1] if strong else None)
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
@@ -107,7 +112,7 @@ class Screen:
     def _change(self, effect: Effect) -> Array:
         """(m,) what adding the effect does to the residual while everything else stays."""
         moved = Misfit(self.plant + effect, self.misfit.observations)
-        at = moved.vector(self.plant + effect, self._memories(moved.n_memory))
+        at = moved.vector(self.plant + effect, self._memories(moved.n_memory), self.misfit.skew(self.vector))
         return moved.residual(at) - self.residual
 
     def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
@@ -140,6 +145,12 @@ class Screen:
 def strengths(effect: type[Effect]) -> list[Parameter]:
     """Parameters at whose zero the effect is absent."""
     return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase"]
+
+
+def is_present(effect: Effect) -> bool:
+    """Whether an effect is more than a name: its first strength, which it is named for, has not vanished."""
+    first = strengths(type(effect))[:1]
+    return all(np.any(np.abs(np.asarray(effect.values[p.name])) > 1e-12) for p in first)
 
 
 def has_phase(effect: type[Effect]) -> bool:
@@ -182,7 +193,8 @@ def _valued(effect: type[Effect], values: dict[str, float], strength: dict[str, 
     bounded = {p.name: strength[p.at_least] for p in effect.parameters if p.at_least in strength}
     merged = {**values, **bounded, **strength}
     per_element = {p.name for p in effect.parameters if p.per_element}
-    return effect(**{k: [v] if k in per_element else v for k, v in merged.items()})
+    arguments: dict[str, Any] = {k: [v] if k in per_element else v for k, v in merged.items()}
+    return effect(**arguments)
 
 
 def _strong(effect: type[Effect], shape: dict[str, float], scales: Scales) -> Iterator[Effect]:

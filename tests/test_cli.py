@@ -74,9 +74,9 @@ def test_attach_writes_a_model_that_loads_with_its_friction(
     assert robot.read_text() == ROBOT
     loaded = mujoco.MjModel.from_xml_path(str(out))
     data = mujoco.MjData(loaded)
-    data.qvel[0] = 1.0
+    data.qvel[:] = 1.0
     mujoco.mj_forward(loaded, data)
-    assert loaded.nplugin == 2 and data.qfrc_passive[0] < 0
+    assert loaded.nplugin > 0 and (data.qfrc_passive < 0).all()
 
 
 def test_attach_into_another_folder_finds_the_meshes(model: Path, tmp_path: Path) -> None:

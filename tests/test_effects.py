@@ -126,7 +126,8 @@ def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
         plant += effects.Viscous(coefficient=0.1)
     spec = mujoco.MjSpec.from_string(
         f'<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body><joint name="j" type="{joint_kind}" '
-        f'armature="{example(name).hidden_inertia}" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
+        f'armature="{example(name).hidden_inertia}" axis="0 0 1"/>'
+        '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
