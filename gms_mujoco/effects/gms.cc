@@ -32,38 +32,45 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   const double direction = gms::sign(m.displacement), scale = level.at(direction);
   const double distance = std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
   double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
+  const auto look = [&] {
+    if (s >= 0) return;
+    s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
+    decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
+  };
   for (int i = 0; i < n; i++, state += 2, next += 2) {
     double force = direction * state[kForce];  // grows towards `limit` in the direction of motion
-    const bool slipping = state[kSlip] == direction;
-    double stuck = 0;
-    if (!slipping) {
-      stuck = force + scale * stiffness[i] * distance;
-      if (stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
-        next[kForce] = direction * stuck;
-        next[kSlip] = 0;
-        total += stuck;
-        continue;
-      }
+    if (state[kSlip] == direction) {
+      look();
+      const double limit = fraction[i] * s;
+      force = limit + (force - limit) * decay;
+      next[kForce] = direction * force;
+      next[kSlip] = direction;
+      total += force;
+      continue;
     }
-    if (s < 0) {
-      s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
-      decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
-    }
-    const double limit = fraction[i] * s;
-    bool slips = true;
-    if (!slipping) {  // sticks, or has just reversed and sticks again
-      slips = stuck > limit;
-      // An element that reaches its limit inside the interval slides at it for the rest; one that the level
-      // has dropped below keeps its force and relaxes.
-      force = !slips ? stuck : force > limit ? force : limit;
+    // It sticks, or has just reversed and sticks again.
+    const double stuck = force + scale * stiffness[i] * distance;
+    double slip = 0;
+    if (stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
+      force = stuck;
+    } else {
+      look();
+      const double limit = fraction[i] * s;
       if (stuck < -fraction[i] * most) {  // what modulates friction no longer lets it carry its force: gives way
-        slips = true;
+        slip = direction;
         force = -fraction[i] * most;
+      } else if (stuck > limit) {
+        // An element that reaches its limit inside the interval slides at it for the rest; one that the level has
+        // dropped below keeps its force and relaxes.
+        slip = direction;
+        if (force < limit) force = limit;
+      } else {
+        force = stuck;
       }
+      if (slip != 0) force = limit + (force - limit) * decay;
     }
-    if (slips) force = limit + (force - limit) * decay;
     next[kForce] = direction * force;
-    next[kSlip] = slips ? direction : 0;
+    next[kSlip] = slip;
     total += force;
   }
   return -direction * total;

@@ -141,8 +141,10 @@ void Implicit::solve_alone(int count, const double* damping, const double* veloc
     for (int k = 0; k < 4; k++) {
       u.torque = u.joint->torque_ahead(u.now, u.state, h, v, v > u.still ? 1 : v < u.still ? -1 : sign(now));
       const double change = u.torque - start, off = free + gain * change - v;
-      if (std::fabs(off) * u.steepest <= kLeft * std::fabs(change)) break;
+      // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
       const double chord = v == u.still ? 0 : std::max(0.0, -change / (v - u.still));
+      const bool onward = (v - u.still) * (now - u.still) > 0;
+      if (std::fabs(off) * (onward ? chord : u.steepest) <= kLeft * std::fabs(change)) break;
       v += off / (1 + gain * chord);
     }
     u.slope = -1;
