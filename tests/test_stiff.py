@@ -139,6 +139,25 @@ def test_friction_knows_what_the_actuators_end_up_with(way):
     assert np.abs(data.qfrc_actuator).max() < 4e-3
 
 
+def test_friction_waits_for_actuators_of_other_plugins():
+    for path in (Path(mujoco.__file__).parent / "plugin").glob("*actuator*"):
+        mujoco.mj_loadPluginLibrary(str(path))
+    pid = (
+        '<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="3e-3"/></instance>'
+        '</plugin></extension><actuator><plugin joint="shaft" plugin="mujoco.pid" instance="pid"/></actuator>'
+    )
+    xml = AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', pid)
+    try:
+        model = engine.attach(xml, {"shaft": DRY}).compile()
+    except ValueError:
+        pytest.skip("this mujoco ships no actuator plug-in")
+    data = mujoco.MjData(model)
+    for k in range(300):
+        data.ctrl[0] = np.sin(0.05 * k)
+        mujoco.mj_step(model, data)
+        assert abs(data.qpos[0]) < 1e-15
+
+
 def test_gravity_compensation_by_the_actuators_is_known():
     xml = AXIS
     for old, new in (

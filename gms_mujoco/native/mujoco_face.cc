@@ -206,10 +206,11 @@ void choose_integration(const mjModel* m, Group* g, Unit* x) {
 }
 
 // Torque of the actuators on each dof, from the forces they have now; null where MuJoCo has to do more than clamp
-// and sum.
+// and sum, or where another plug-in may not have given its force yet.
 const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
   for (int i = 0; i < m->nactuator; i++) {
     if (m->actuator_biastype[i] == mjBIAS_DCMOTOR || m->actuator_outnum[i] != 1) return nullptr;
+    if (m->actuator_plugin[i] >= 0) return nullptr;
     if (m->actuator_trntype[i] == mjTRN_TENDON && m->tendon_actfrclimited[m->actuator_trnid[2 * i]]) return nullptr;
   }
   double* torque = g->actuator.data();
