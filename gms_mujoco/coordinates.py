@@ -165,7 +165,8 @@ class Coordinates:
                 lower, upper = np.clip(value - z * sigma, 0, 1), np.clip(value + z * sigma, 0, 1)
             else:
                 sigma = np.sqrt(np.maximum(np.diag(covariance)[here], 0))
-                lower, upper = b.decode(x[here] - z * sigma), b.decode(x[here] + z * sigma)
+                least, most = b.bounds()
+                lower, upper = (b.decode(np.clip(x[here] + d * sigma, least, most)) for d in (-z, z))
                 if b.scale == "above":
                     lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}

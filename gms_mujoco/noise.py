@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
 _QUIETER = 0.25  # quantile over the records
+_BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
 _NEGLIGIBLE = 0.01  # of the torque
 
@@ -67,7 +68,8 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     ]
     f = spectra[0][0]
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
-    density = signal.medfilt(np.quantile([d for _, d in spectra], _QUIETER, axis=0), 9)[use]
+    # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
+    density = np.quantile([signal.medfilt(d, _BINS) for _, d in spectra], _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
     shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = np.zeros(2)

@@ -1,0 +1,55 @@
+"""A simulated bench for the tests of the measuring side: a small servo axis and short runs of it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.simulate import multisine, simulate
+
+J = 2.4e-5  # kg m^2
+LEVEL = 4.5e-3  # N m
+COUNT = 2 * np.pi / 1e6  # rad
+TORQUE_NOISE = 2e-5  # N m
+SAMPLE_TIME = 1e-3  # s
+
+GMS = effects.GMS(
+    stiffness=[0.5, 0.12], fraction=[0.45, 0.55], coulomb=LEVEL, static=5e-3, stribeck_velocity=0.5, attraction=0.5
+)
+HEALTHY = Plant.axis(J) + GMS + effects.Viscous(coefficient=2e-5)
+UNKNOWN = Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous()
+
+# Lowest and highest frequency of the torque [Hz], and its rms in friction levels: pre-sliding, break-away, turning.
+REGIMES = ((1.0, 60.0, 0.4), (0.5, 40.0, 1.5), (0.3, 15.0, 4.0))
+
+
+def run(plant: Plant, torque: np.ndarray, seed: int = 0, sample_time: float = SAMPLE_TIME, **bench: object) -> Record:
+    """One run as a good bench logs it; `bench` changes what `simulate` takes."""
+    good = {"substeps": 50, "resolution": COUNT, "torque_noise": TORQUE_NOISE, "seed": seed}
+    return simulate(plant, torque, sample_time, **{**good, **bench})  # type: ignore[arg-type]
+
+
+def runs(plant: Plant, use: str = "fit", seconds: float = 3.0, seed: int = 0, **bench: object) -> list[Record]:
+    """A run in each regime."""
+    out = []
+    for i, (low, high, rms) in enumerate(REGIMES):
+        rng = np.random.default_rng([seed, i, len(use)])
+        torque = multisine(round(seconds / SAMPLE_TIME), SAMPLE_TIME, low, high, rms * LEVEL, rng)
+        start = float(rng.uniform(0, 6))
+        noise = int(rng.integers(2**31))
+        out.append(run(plant, torque, noise, position=start, name=f"{use}_{i}", use=use, **bench))
+    return out
+
+
+def dataset(plant: Plant, seconds: float = 3.0, select: bool = False, **bench: object) -> Dataset:
+    """Runs to fit, to validate and, where asked for, to select."""
+    uses = ("fit", "select", "validate") if select else ("fit", "validate")
+    records = [r for i, use in enumerate(uses) for r in runs(plant, use, seconds, i, **bench)]
+    return Dataset(Path(), tuple(records), plant.kind, plant.inertia)
+
+
+def rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))

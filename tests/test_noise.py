@@ -1,0 +1,126 @@
+"""Noise: what was put into a record is read out of it, and the floor is what the true plant leaves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
+
+from gms_mujoco.inverse import Observation
+from gms_mujoco.noise import (
+    Noise,
+    choose_bandwidth,
+    count_size,
+    estimate_noise,
+    floor_residual,
+    refine_noise,
+    rough_inertia,
+)
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.simulate import multisine
+
+BARE = Plant.axis(J)
+TORQUE, POSITION = 2e-4, 3e-6  # each visible in a part of the spectrum at 1 kHz
+
+
+def _position(values: np.ndarray, resolution: float | None = None) -> Record:
+    n = len(values)
+    return Record("made", SAMPLE_TIME * np.arange(n), {"torque": np.ones(n), "position": values}, "fit", resolution)
+
+
+@pytest.mark.parametrize(("torque", "position"), [(TORQUE, POSITION), (TORQUE, 1e-8), (5e-6, 10 * POSITION)])
+def test_white_noise_comes_back(torque: float, position: float) -> None:
+    """Within 15 %; where one drowns the other, that one is bounded by it."""
+    noise = estimate_noise(runs(BARE, torque_noise=torque, position_noise=position, resolution=None), J)
+    most = {"torque": J * position / SAMPLE_TIME**2, "position": torque * SAMPLE_TIME**2 / J}  # of what drowns it
+    if torque > most["torque"]:
+        assert noise.torque == pytest.approx(torque, rel=0.15)
+    if position > 0.3 * most["position"]:
+        assert noise.position == pytest.approx(position, rel=0.15)
+    assert noise.torque < 1.15 * torque + 0.3 * most["torque"]
+    assert noise.position < 1.15 * position + 0.3 * most["position"]
+
+
+def test_friction_only_adds_to_the_noise_of_the_torque() -> None:
+    noise = estimate_noise(runs(HEALTHY, torque_noise=TORQUE, position_noise=POSITION, resolution=None), J)
+    assert 0.9 * TORQUE < noise.torque < 1.6 * TORQUE
+    assert noise.position == pytest.approx(POSITION, rel=0.25)
+
+
+def test_quantisation_is_the_least_position_noise() -> None:
+    noise = estimate_noise(runs(HEALTHY), J)
+    assert noise.resolution == COUNT
+    assert COUNT / np.sqrt(12) <= noise.position < 1.5 * COUNT / np.sqrt(12)
+
+
+def test_the_quiet_records_say_what_the_noise_is() -> None:
+    quiet, loud = runs(BARE, torque_noise=TORQUE), runs(BARE, torque_noise=10 * TORQUE, seed=1)[:1]
+    assert estimate_noise([*quiet, *loud], J).torque == pytest.approx(TORQUE, rel=0.2)
+
+
+def test_a_residual_lowers_the_torque_noise_and_never_raises_it() -> None:
+    records = runs(BARE, torque_noise=TORQUE)
+    observations = [Observation(r, 60.0) for r in records]
+    residuals = [o.applied(BARE) - o.needed(BARE) for o in observations]
+    high, low = Noise(5 * TORQUE, 1e-9, COUNT), Noise(TORQUE / 5, 1e-9, COUNT)
+    found = refine_noise(high, observations, residuals)
+    assert found.torque == pytest.approx(TORQUE, rel=0.15) and replace(found, torque=high.torque) == high
+    assert refine_noise(low, observations, residuals) == low
+
+
+def test_the_count_is_found_in_quantised_positions_only() -> None:
+    path = np.cumsum(np.random.default_rng(0).normal(0, 1, 2000))
+    assert count_size(_position(0.7e-3 * np.round(path))) == pytest.approx(0.7e-3)
+    assert count_size(_position(path)) == 0
+    assert count_size(_position(path, resolution=0.01)) == 0.01
+    assert count_size(_position(np.full(100, 0.3))) == 0
+
+
+def test_rough_inertia_is_roughly_right() -> None:
+    assert rough_inertia(runs(BARE)) == pytest.approx(J, rel=0.01)
+    assert rough_inertia(runs(HEALTHY)) == pytest.approx(J, rel=0.3)
+    assert rough_inertia([_position(np.sin(np.arange(500) / 30))]) > 0
+
+
+def test_the_band_closes_as_the_position_gets_noisier() -> None:
+    wide = [choose_bandwidth(runs(HEALTHY, position_noise=s, resolution=None)) for s in (0, 1e-5, 1e-3, 1e-2)]
+    assert np.all(np.diff(wide) <= 0) and wide[-1] < wide[0] / 5
+    assert wide[0] == pytest.approx(0.1 / SAMPLE_TIME)  # ten samples per period, at best
+
+
+def test_the_band_ends_where_the_position_adds_as_much_as_is_allowed() -> None:
+    records = runs(HEALTHY, position_noise=1e-3, torque_noise=0.0, resolution=None)
+    band = choose_bandwidth(records, J)
+    added = [
+        Observation(replace(r, signals={**r.signals, "position": p}), band).acceleration * J
+        for r, p in zip(records, np.random.default_rng(0).normal(0, 1e-3, (3, 3000)), strict=True)
+    ]
+    torque = np.sqrt(np.mean([rms(r.torque) ** 2 for r in records]))
+    assert np.sqrt(np.mean([rms(a) ** 2 for a in added])) == pytest.approx(0.01 * torque, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    "bench",
+    [{}, {"torque_noise": TORQUE}, {"torque_noise": 0.0, "position_noise": POSITION, "resolution": None}],
+    ids=["encoder and torque", "torque", "position"],
+)
+def test_the_floor_is_what_a_perfect_model_leaves(bench: dict) -> None:
+    """On an axis without friction, where nothing but the sensors is in the way: within 15 %."""
+    count = bench.get("resolution", COUNT) or 0.0
+    noise = Noise(bench.get("torque_noise", TORQUE_NOISE), bench.get("position_noise", count / np.sqrt(12)), count)
+    observations = [Observation(r, 100.0) for r in runs(BARE, seconds=6, **bench)]
+    rng = np.random.default_rng(0)
+    left = np.sqrt(np.mean([rms(o.applied(BARE) - o.needed(BARE)) ** 2 for o in observations]))
+    floor = np.sqrt(np.mean([rms(floor_residual(o, BARE, None, noise, rng)) ** 2 for o in observations]))
+    assert floor == pytest.approx(left, rel=0.15)
+
+
+def test_no_noise_has_no_floor() -> None:
+    o = Observation(run(HEALTHY, multisine(3000, 1e-3, 1, 50, 5e-3, np.random.default_rng(0))), 100.0)
+    assert rms(floor_residual(o, HEALTHY, None, Noise(0, 0, 0), np.random.default_rng(0))) < 1e-15
+
+
+def test_the_bench_of_these_tests_is_a_measurement_set() -> None:
+    sets = dataset(HEALTHY, select=True)
+    assert [len(x) for x in (sets.fit, sets.select, sets.validate)] == [3, 3, 3]
