@@ -37,6 +37,7 @@ class RecordComparison:
         measured: (m,) band-limited torque that was applied [N m].
         needed: (m,) band-limited torque that the plant needs along the measured motion [N m].
         floor: (m,) residual that sensor noise alone leaves, one draw [N m].
+        memory: state of the effects before the first sample, estimated on the record; None: there is none.
     """
 
     name: str
@@ -50,6 +51,7 @@ class RecordComparison:
     measured: Array
     needed: Array
     floor: Array
+    memory: Array | None = None
 
     @property
     def residual(self) -> Array:
@@ -148,6 +150,16 @@ def compare_observations(plant: Plant, observations: Sequence[Observation], nois
     )
 
 
+def quick_torque_error(plant: Plant, observations: Sequence[Observation], near: Comparison) -> float:
+    """Pooled torque error of a plant close to one that was compared, with that one's states before the records."""
+    skew = float(plant.provenance.get("clock_skew", 0.0))
+    applied = [o.applied(plant, skew) for o in observations]
+    extra = plant.joint().n_memory - near.plant.joint().n_memory
+    memories = [np.append([] if r.memory is None else r.memory, np.zeros(max(extra, 0))) for r in near.records]
+    needed = [o.needed(plant, m if len(m) else None) for o, m in zip(observations, memories, strict=True)]
+    return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
+
+
 def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Generator) -> RecordComparison:
     misfit = Misfit(plant, [o], fixed=all_labels(plant))
     memory = solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.n_memory else None
@@ -166,6 +178,7 @@ def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Gene
         measured,
         needed,
         floor,
+        memory,
     )
 
 

@@ -21,7 +21,7 @@ from .simulate import multisine, simulate
 SAMPLES, SAMPLE_TIME = 5000, 1e-3  # per record, [s]
 # Lowest and highest frequency of the torque [Hz], and its rms in Coulomb levels.
 REGIMES = (("presliding", 1.0, 100.0, 0.35), ("breakaway", 0.5, 60.0, 1.5), ("turning", 0.3, 20.0, 4.0))
-SUBSTEPS = 50  # Euler steps lead by half of one: with few of them the axis would seem to have a negative delay
+SUBSTEPS = 10
 RESOLUTION = 2 * math.pi / 1e6  # one count of the encoder [rad]
 TORQUE_NOISE = 2e-5  # N m
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from . import effects
-from .compare import Comparison, compare_observations
+from .compare import Comparison, compare_observations, quick_torque_error
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
@@ -218,11 +218,11 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
                 evidence=_evidence(search.steps[i - 1], s) if i else "")
         for i, s in enumerate(search.steps)
     )  # fmt: skip
+    comparison = steps[-1].comparison
     rejected = tuple(
-        Rejected(name, p, compare_observations(trial, validate, noise).torque_error if validate else None)
+        Rejected(name, p, quick_torque_error(trial, validate, comparison) if comparison else None)
         for name, p, trial in search.rejected
     )
-    comparison = steps[-1].comparison
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     report(1.0, "done")
     return _conclude(steps, rejected, floor, search)
@@ -285,7 +285,7 @@ class _Search:
         screen = Screen(current.misfit, current.vector)
         scored = [c for c in map(screen.candidate, applicable(current.plant)) if c is not None]
         scored.sort(key=lambda c: -c.gain)
-        p_values = {c.effect.name: _p_value(self.held_out - c.held_out) for c in scored}
+        p_values = {c.effect.name: _p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: current.plant + c.effect for c in scored}
 
         promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
@@ -302,10 +302,11 @@ class _Search:
                 result = min(result, self._afresh(result.plant, name), key=_error)
             trials.append((name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
-        p_values |= {name: _p_value(self.held_out - h) for name, _, h in trials}
+        p_values |= {name: _p_value(self.held_out, h) for name, _, h in trials}
         plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items()]
-        if self.error <= NOTHING_LEFT * self.steps[-1].result.floor:
+        # What distorts the torque also raises the noise that a model without it reports: the lowest floor counts.
+        if self.error <= NOTHING_LEFT * min(r.floor for r in (self.steps[-1].result, *(t[1] for t in trials))):
             return False
         return self._accept(trials, p_values)
 
@@ -323,7 +324,7 @@ class _Search:
             return False
         # Of those that are as good as the best the one with the fewest free parameters.
         best = min(earned, key=lambda t: t[2].sum())
-        equal = [t for t in earned if _p_value(t[2] - best[2]) > _CONFUSABLE]
+        equal = [t for t in earned if _p_value(t[2], best[2]) > _CONFUSABLE]
         name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
         confusable = tuple(t[0] for t in equal if t[0] != name)
         self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
@@ -383,8 +384,9 @@ class _Search:
             last = self.steps[-1]
             without = refine(*_without(last.result, name))
             held_out = cross_validated(without.misfit, without.vector)
-            if _p_value(held_out - last.held_out) > FALSE_DISCOVERY_RATE:
-                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], replace(last, result=without, held_out=held_out)]
+            if _p_value(held_out, last.held_out) > FALSE_DISCOVERY_RATE:
+                final = replace(last, result=without, held_out=held_out)
+                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], final]
 
 
 def _evidence(before: Step, step: Step) -> str:
@@ -423,9 +425,14 @@ def _by_record(observations: Sequence[Observation], blocks: Array) -> list[Array
     return np.split(blocks, np.cumsum(counts)[:-1])
 
 
-def _p_value(fall: Array) -> float:
-    """Of the hypothesis that the squared error of a block does not fall, by a one-sided t-test over the blocks."""
-    if len(fall) < 3 or not np.any(fall):
+def _p_value(before: Array, after: Array) -> float:
+    """Of the hypothesis that the squared error of the blocks does not fall, by a one-sided t-test.
+
+    On the logarithm of the ratio: an effect that acts at high speed makes a few blocks fall so far that their mean
+    would hide how surely they do.
+    """
+    fall = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    if len(fall) < 3 or not np.any(np.abs(fall) > 1e-9):
         return 1.0
     return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
 

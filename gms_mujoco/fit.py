@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +18,7 @@ from .plant import Plant
 from .record import Record
 from .scales import Scales
 from .starts import LONGEST_BREAK_AWAY, starts, weighted_median
+from .tall import gram
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -31,14 +30,13 @@ _STEP = 1e-4
 _OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
-_POOL = ThreadPoolExecutor(max_workers=os.cpu_count())  # replays run outside Python's lock
 
 
 class Misfit:
     """Torque residuals of plants built like one template, over observations, as a function of one vector.
 
     The vector holds the free parameters; then the skew between the clocks of torque and position, which no log
-    keeps to better than a fraction of a sample (left out where a delay is identified, which contains it); then for
+    keeps to better than a fraction of a sample (held at zero where a delay is identified, which contains it); then for
     each observation the state of the effects before its first sample: nobody measured where the elements stood when
     the recording began.
     """
@@ -49,7 +47,7 @@ class Misfit:
         self.coordinates = Coordinates(template, fixed)
         self.observations = tuple(observations)
         self.n_memory = template.joint().n_memory if memory else 0
-        self.n_skew = 0 if "delay" in template or not self.coordinates.size else 1
+        self.n_skew = 1 if self.coordinates.size else 0
         self.splits = np.cumsum([len(o.index) for o in self.observations])[:-1]
 
     @property
@@ -66,8 +64,12 @@ class Misfit:
         lower, upper = self.coordinates.bounds
         lower = np.maximum(lower, self._softest)
         rest = np.ones(self.size - self.coordinates.size)
-        rest[: self.n_skew] = _SKEW * min(o.record.sample_time for o in self.observations)
+        rest[: self.n_skew] = 0.0 if "delay" in self.coordinates.template else _SKEW * self._shortest
         return np.append(lower, -rest), np.append(upper, rest)
+
+    @cached_property
+    def _shortest(self) -> float:
+        return min(o.record.sample_time for o in self.observations)
 
     def skew(self, x: Array) -> float:
         """By which the clock of the torque runs ahead of that of the position [s]."""
@@ -115,8 +117,8 @@ class Misfit:
                     else:
                         memory[k] = kept
 
-        if self.n_memory:
-            list(_POOL.map(search, range(len(self.observations))))
+        for i in range(len(self.observations) if self.n_memory else 0):
+            search(i)
         return x
 
     def _one(self, plant: Plant, i: int, x: Array) -> Array:
@@ -126,8 +128,7 @@ class Misfit:
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant = self.coordinates.decode(x[: self.coordinates.size])
-        jobs = range(len(self.observations))
-        return np.concatenate(list(_POOL.map(lambda i: self._one(plant, i, x), jobs)))
+        return np.concatenate([self._one(plant, i, x) for i in range(len(self.observations))])
 
     def jacobian(self, x: Array, base: Array | None = None, columns: NDArray[np.intp] | None = None) -> Array:
         """(m, size) derivative of the residual, by forward differences; other `columns` than those asked for are 0."""
@@ -141,21 +142,22 @@ class Misfit:
         plant = self.coordinates.decode(x[:n])
 
         def fill(column: int) -> None:
-            step = _STEP * (scale[column] if column < n else upper[column])
+            common = column < self.n_common
+            step = _STEP * (scale[column] if column < n else self._shortest if common else 1.0)
             if x[column] + step > upper[column]:
                 step = -step
             moved = x.copy()
             moved[column] += step
             step = moved[column] - x[column]
             # A state before the first sample concerns one observation; a parameter concerns all.
-            common = column < self.n_common
             where = range(len(parts)) if common else [(column - self.n_common) // self.n_memory]
             there = self.coordinates.decode(moved[:n]) if column < n else plant
             for i in where:
                 rows = slice(starts[i], starts[i] + len(parts[i]))
                 out[rows, column] = (self._one(there, i, moved) - parts[i]) / step
 
-        list(_POOL.map(fill, range(self.size) if columns is None else columns))
+        for column in range(self.size) if columns is None else columns:
+            fill(column)
         return out
 
     def reach(self, x: Array) -> Array:
@@ -213,7 +215,7 @@ def solve(
     stalled = 0
     for _ in range(max_steps if len(columns) else 0):
         jacobian = misfit.jacobian(x, r, columns)[:, columns]
-        gradient, hessian = jacobian.T @ r, jacobian.T @ jacobian
+        gradient, hessian = gram(jacobian, r), gram(jacobian, jacobian)
         push = np.zeros(misfit.size)
         push[columns] = gradient
         free = np.flatnonzero(~misfit.held(x, push)[columns] & (np.diag(hessian) > 0))
@@ -403,7 +405,7 @@ def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:
     """
     residual, jacobian = misfit.residual(x), misfit.jacobian(x)
     scores = block_sums(misfit.observations, jacobian * residual[:, None], block)
-    bread = _pseudo_inverse(jacobian.T @ jacobian)
+    bread = _pseudo_inverse(gram(jacobian, jacobian))
     return bread @ (scores.T @ scores) @ bread * len(scores) / max(len(scores) - misfit.coordinates.size, 1)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from . import effects
 from .effect import Effect
@@ -24,6 +25,7 @@ from .inverse import Observation
 from .parameter import Parameter
 from .plant import Plant
 from .scales import Scales
+from .tall import gram, times
 
 Array = NDArray[np.float64]
 
@@ -42,13 +44,11 @@ class Candidate:
         strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         gain: share of the squared residual that it explains, after a joint linear refit.
         held_out: (blocks,) squared residual of each block, predicted without that block [N^2 m^2].
-        tangents: (m, k) what it could add, with everything the plant can do projected out, orthonormal.
     """
 
     effect: Effect
     gain: float
     held_out: Array
-    tangents: Array
     strong: Effect | None = None
 
 
@@ -98,12 +98,10 @@ class Screen:
         found = sorted((s for s in (weak, strong) if s is not None), key=lambda s: -s[0])
         if not found:
             # It can be seen, but every strength that is allowed makes things worse.
-            empty = np.empty((len(self.model.target), 0))
-            return Candidate(out_of_bounds, 0.0, self.held_out, empty) if out_of_bounds else None
+            return Candidate(out_of_bounds, 0.0, self.held_out) if out_of_bounds else None
         gain, started, columns = found[0]
         share = gain / max(float(self.residual @ self.residual), 1e-300)
-        tangents = np.linalg.qr(self.model.without(columns))[0]
-        return Candidate(started, share, self.model.held_out(columns), tangents, strong[1] if strong else None)
+        return Candidate(started, share, self.model.held_out(columns), strong[1] if strong else None)
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
@@ -233,7 +231,8 @@ def _least_squares(columns: Array, target: Array, seen: NDArray[np.bool_]) -> Ar
     """Coefficients of `target` on the columns that are seen, zero for the others."""
     out = np.zeros(columns.shape[1])
     size = np.sqrt((columns[:, seen] ** 2).sum(0))
-    out[seen] = np.linalg.lstsq(columns[:, seen] / size, target, rcond=1e-8)[0] / size
+    scaled = columns[:, seen] / size
+    out[seen] = np.linalg.lstsq(gram(scaled, scaled), gram(scaled, target), rcond=1e-12)[0] / size
     return out
 
 
@@ -248,23 +247,20 @@ class LinearModel:
         self.observations = misfit.observations
         self.residual = residual
         tangents, reach = misfit.jacobian(vector, residual), misfit.reach(vector)
-        held = misfit.held(vector, tangents.T @ residual)
+        held = misfit.held(vector, gram(tangents, residual))
         self.columns = np.flatnonzero(~held & ((tangents**2).sum(0) > 0))
         self.reach = reach[self.columns]
         self.tangents = tangents[:, self.columns] * self.reach
         # In units of its reach a move is a standard normal; the residual's size is its noise.
         self.prior = math.sqrt(float(np.mean(residual**2)))
-        self.rows = self.prior * np.eye(self.tangents.shape[1])
-        self.basis = np.linalg.qr(np.vstack([self.tangents, self.rows]))[0]
-        self.target = self._project(residual[:, None])[:, 0]
+        own = gram(self.tangents, self.tangents)
+        self._normal = linalg.cho_factor(own + (self.prior**2 + 1e-300) * np.eye(len(own)))
+        self.target = self.without(residual[:, None])[:, 0]
 
     def without(self, columns: Array) -> Array:
-        """(m + p, k) columns (m, k) with what the plant's own unknowns can do projected out."""
-        return self._project(columns)
-
-    def _project(self, columns: Array) -> Array:
-        tall = np.vstack([columns, np.zeros((len(self.rows), columns.shape[1]))])
-        return tall - self.basis @ (self.basis.T @ tall)
+        """(m + p, k) columns (m, k), and a row for the prior of each unknown, without what the unknowns can do."""
+        move = linalg.cho_solve(self._normal, gram(self.tangents, columns))
+        return np.vstack([columns - times(self.tangents, move), -self.prior * move])
 
     def held_out(self, columns: Array | None = None) -> Array:
         """(blocks,) squared residual of each block of time, predicted by a refit without the blocks of its fold.
@@ -327,7 +323,7 @@ def cross_validated(misfit: Misfit, vector: Array) -> Array:
 def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
     """(blocks, p, p) products of the columns, summed over each block of time."""
     ends = np.cumsum(block_sums(observations, np.ones((len(columns), 1)), BLOCK)[:, 0].astype(int))
-    return np.stack([c.T @ c for c in np.split(columns, ends[:-1])])
+    return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])
 
 
 # Laws of which `gms` is the general form: beside it they have nothing of their own to add. It is itself no small
