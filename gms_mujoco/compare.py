@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .coordinates import all_labels
 from .fit import Misfit, observe, relative_error, solve
 from .inverse import Observation
-from .noise import Noise, estimate_noise, floor_residual
+from .noise import Noise, estimate_noise, floor_residual, refine_noise
 from .plant import Plant
 from .record import Record
 
@@ -136,9 +136,12 @@ def compare(plant: Plant, records: Sequence[Record], *, bandwidth: float | None 
 def compare_observations(plant: Plant, observations: Sequence[Observation], noise: Noise | None = None) -> Comparison:
     """`compare` on records that are already seen through a band."""
     assert plant.inertia is not None
-    noise = noise or estimate_noise([o.record for o in observations], plant.inertia)
+    memories = [_memory(plant, o) for o in observations]
+    if noise is None:  # as a fit of this plant would estimate it
+        left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(observations, memories, strict=True)]
+        noise = refine_noise(estimate_noise([o.record for o in observations], plant.inertia), observations, left)
     rng = np.random.default_rng(0)
-    rows = [_compare_one(plant, o, noise, rng) for o in observations]
+    rows = [_compare_one(plant, o, m, noise, rng) for o, m in zip(observations, memories, strict=True)]
     measured = [r.measured for r in rows]
     return Comparison(
         plant,
@@ -160,10 +163,19 @@ def quick_torque_error(plant: Plant, observations: Sequence[Observation], near: 
     return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
 
 
-def _compare_one(plant: Plant, o: Observation, noise: Noise, rng: np.random.Generator) -> RecordComparison:
+def _memory(plant: Plant, o: Observation) -> Array | None:
     misfit = Misfit(plant, [o], fixed=all_labels(plant))
-    memory = solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.n_memory else None
-    measured = o.applied(plant, float(plant.provenance.get("clock_skew", 0.0)))
+    return solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.n_memory else None
+
+
+def _applied(plant: Plant, o: Observation) -> Array:
+    return o.applied(plant, float(plant.provenance.get("clock_skew", 0.0)))
+
+
+def _compare_one(
+    plant: Plant, o: Observation, memory: Array | None, noise: Noise, rng: np.random.Generator
+) -> RecordComparison:
+    measured = _applied(plant, o)
     needed = o.needed(plant, memory)
     floor = floor_residual(o, plant, memory, noise, rng)
     return RecordComparison(

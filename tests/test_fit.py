@@ -1,0 +1,233 @@
+"""fit: what a simulated axis was made of comes back, with intervals that mean something."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
+
+import gms_mujoco as gms
+from gms_mujoco import effects
+from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.fit import (
+    FitResult,
+    Misfit,
+    baseline,
+    block_sums,
+    covariance,
+    fit,
+    observe,
+    relative_error,
+    solve,
+)
+from gms_mujoco.inverse import Observation
+from gms_mujoco.plant import Plant
+from gms_mujoco.simulate import multisine
+
+DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)
+
+# What the torque hardly depends on comes back less sharply.
+SHARP = {"gms.attraction": 0.2, "gms.stribeck_velocity": 0.1}
+
+
+@pytest.fixture(scope="module")
+def fitted() -> FitResult:
+    return fit(UNKNOWN, runs(HEALTHY))
+
+
+def _off(found: Plant, truth: Plant) -> dict[str, float]:
+    """Relative error of each identified parameter, elements in the order of their stiffness."""
+    numbers = truth.numbers()
+    return {k: found.numbers()[k][0] / numbers[k][0] - 1 for k in found.uncertainty}
+
+
+def test_the_parameters_of_a_known_axis_come_back(fitted: FitResult) -> None:
+    for label, off in _off(fitted.plant, HEALTHY).items():
+        assert abs(off) < SHARP.get(label, 0.02), label
+
+
+def test_the_fit_is_at_the_floor(fitted: FitResult) -> None:
+    assert fitted.error < 1.2 * fitted.floor < 0.01
+    applied = [o.applied(HEALTHY) for o in fitted.misfit.observations]
+    left = [o.applied(HEALTHY) - o.needed(HEALTHY) for o in fitted.misfit.observations]
+    assert fitted.error <= relative_error(left, applied)  # no worse than the truth itself
+
+
+def test_inertia_is_identified_where_it_is_not_known() -> None:
+    found = fit(replace(UNKNOWN, inertia=None, inertia_known=False), runs(HEALTHY)).plant
+    assert found.inertia == pytest.approx(J, rel=0.01)
+    assert "inertia" in found.uncertainty and not found.inertia_known
+    for label, off in _off(found, HEALTHY).items():
+        assert abs(off) < SHARP.get(label, 0.03), label
+
+
+def test_a_known_inertia_stays(fitted: FitResult) -> None:
+    assert fitted.plant.inertia == J and "inertia" not in fitted.plant.uncertainty
+
+
+def test_a_slide_joint_is_the_same_in_other_units(fitted: FitResult) -> None:
+    found = fit(replace(UNKNOWN, kind="slide"), runs(replace(HEALTHY, kind="slide"))).plant
+    assert found.kind == "slide" and found.effects == fitted.plant.effects
+    assert found.numbers()["viscous.coefficient"][1] == "N s/m"
+
+
+def test_every_free_parameter_has_an_interval_around_it(fitted: FitResult) -> None:
+    plant = fitted.plant
+    free = {f"{e.name}.{p.name}" for e in plant.effects for p in e.parameters if p.free}
+    assert {k.split("[")[0] for k in plant.uncertainty} == free
+    for k, (low, high) in plant.uncertainty.items():
+        assert low < plant.numbers()[k][0] < high, k
+
+
+def test_a_linear_problem_has_the_solution_of_linear_least_squares() -> None:
+    plant = replace(DRAG, inertia=None, inertia_known=False)
+    found = fit(plant, runs(DRAG))
+    unit = Plant.axis(1.0) + effects.Viscous(coefficient=1.0)
+    seen = found.misfit.observations
+    columns = [(o.acceleration, -o.replay(unit), o.applied(plant), o.applied(plant, 1e-6)) for o in seen]
+    a, v, u, late = (np.concatenate(c) for c in zip(*columns, strict=True))
+    matrix = np.stack([a, v, (u - late) / 1e-6], 1)  # inertia, drag and the skew of the clocks
+    scale = np.sqrt((matrix**2).sum(0))
+    inertia, drag, skew = np.linalg.lstsq(matrix / scale, u, rcond=None)[0] / scale
+    assert found.plant.inertia == pytest.approx(inertia, rel=1e-6)
+    assert found.plant["viscous"].coefficient == pytest.approx(drag, rel=1e-6)
+    assert found.plant.provenance["clock_skew"] == pytest.approx(skew, abs=1e-6)
+
+
+def test_intervals_are_as_wide_as_repeated_measurements_scatter() -> None:
+    """Over noise drawn anew. A 95 % interval that holds the truth in 95 % of 40 runs does in 33 or more of them."""
+    u = multisine(6000, SAMPLE_TIME, 0.3, 20, 4 * LEVEL, np.random.default_rng(0))
+    plant = replace(DRAG, inertia=None, inertia_known=False)
+    records = [run(DRAG, u, seed, torque_noise=1e-3, substeps=200) for seed in range(40)]
+    found = [fit(plant, [r], bandwidth=50.0).plant for r in records]
+    for label, truth in (("inertia", J), ("viscous.coefficient", 3e-4)):
+        values = np.array([p.numbers()[label][0] for p in found])
+        low, high = np.array([p.uncertainty[label] for p in found]).T
+        assert np.mean(high - low) / 3.92 == pytest.approx(values.std(), rel=0.35), label
+        assert np.sum((low < truth) & (truth < high)) >= 33, label
+
+
+def test_starting_values_that_are_given_are_where_the_fit_starts() -> None:
+    near = fit(HEALTHY, runs(HEALTHY))
+    for label, off in _off(near.plant, HEALTHY).items():
+        assert abs(off) < SHARP.get(label, 0.02), label
+
+
+def test_what_is_fixed_stays() -> None:
+    wrong = UNKNOWN.replace(effects.Viscous(coefficient=5e-5))
+    found = fit(wrong, runs(HEALTHY), fixed=["viscous.coefficient"])
+    assert found.plant["viscous"].coefficient == 5e-5 and "viscous.coefficient" not in found.plant.uncertainty
+    assert found.error > 1.5 * found.floor
+
+
+def test_a_harmonic_has_to_be_given() -> None:
+    with pytest.raises(ModelError, match=r"cogging\.harmonics has no value"):
+        fit(UNKNOWN + effects.Cogging(elements=1), runs(HEALTHY))
+    amplitude, phase = 0.2 * LEVEL, 0.4
+    hidden = HEALTHY + effects.Cogging(harmonics=[6], amplitude=[amplitude], phase=[phase])
+    found = fit(UNKNOWN + effects.Cogging(harmonics=[6]), runs(hidden)).plant["cogging"]
+    assert found.amplitude[0] == pytest.approx(amplitude, rel=0.02)
+    assert math.remainder(found.phase[0] - phase, 2 * math.pi) == pytest.approx(0, abs=0.02)
+
+
+def test_a_delay_comes_back_whatever_its_size() -> None:
+    for delay in (0.4e-3, 1.5e-3, 4e-3):
+        records = runs(HEALTHY + effects.Delay(time=delay))
+        found = fit(UNKNOWN + effects.Delay(), records)
+        assert found.plant["delay"].time == pytest.approx(delay, abs=0.02 * SAMPLE_TIME)
+        assert found.error < 1.2 * found.floor
+
+
+def test_a_small_skew_of_the_clocks_is_no_effect() -> None:
+    skew = 0.05 * SAMPLE_TIME
+    late = fit(UNKNOWN, runs(HEALTHY + effects.Delay(time=skew)))
+    assert late.error < 1.2 * late.floor
+    assert late.plant.provenance["clock_skew"] == pytest.approx(skew, rel=0.2)
+
+
+def test_a_record_may_begin_in_the_middle_of_a_motion() -> None:
+    whole = runs(HEALTHY)
+    cut = [r.slice(1200, len(r)) for r in whole]
+    known = fit(UNKNOWN, cut)
+    assert known.error < 1.2 * known.floor
+    # Taken as never moved, the elements are wrong until they have slipped.
+    misfit = Misfit(HEALTHY, observe(cut, J), memory=False)
+    unknown = misfit.residual(misfit.vector(HEALTHY))
+    assert rms(unknown) > 2 * rms(known.misfit.residual(known.vector))
+
+
+def test_the_result_says_what_happened(fitted: FitResult) -> None:
+    assert fitted.status == (
+        f"torque error {100 * fitted.error:.2f} % of the torque up to 100 Hz, noise floor {100 * fitted.floor:.2f} %"
+    )
+    said, observations = fitted.plant.provenance, fitted.misfit.observations
+    assert said["records"] == ["fit_0", "fit_1", "fit_2"] and said["version"] == f"gms_mujoco {gms.__version__}"
+    assert said["error"] == fitted.error and said["noise_floor"] == fitted.floor and said["bandwidth"] == 100.0
+    residual = np.split(fitted.misfit.residual(fitted.vector), fitted.misfit.splits)
+    assert fitted.error == pytest.approx(relative_error(residual, [o.applied(HEALTHY) for o in observations]))
+
+
+def test_a_fit_is_the_same_every_time(fitted: FitResult) -> None:
+    again = fit(UNKNOWN, runs(HEALTHY))
+    assert again.plant == fitted.plant and again.plant.uncertainty == fitted.plant.uncertainty
+
+
+def test_progress_runs_forward_to_its_end() -> None:
+    told: list[tuple[float, str]] = []
+    found = fit(Plant.axis(J) + effects.Viscous(), runs(DRAG), progress=lambda done, text: told.append((done, text)))
+    shares = [done for done, _ in told]
+    assert shares == sorted(shares) and shares[0] >= 0 and told[-1] == (1.0, found.status)
+
+
+def test_what_cannot_be_fitted_is_said() -> None:
+    with pytest.raises(DataError, match="no records"):
+        fit(UNKNOWN, [])
+
+
+def test_the_default_baseline() -> None:
+    plant = baseline(J, "slide")
+    assert [e.name for e in plant.effects] == ["gms", "viscous"] and plant.kind == "slide" and plant.inertia == J
+    assert plant["gms"].elements == 8 and set(plant["gms"].unset) >= {"stiffness", "coulomb", "static"}
+    assert baseline().unset[0] == "inertia"
+
+
+def test_relative_error_weighs_records_equally() -> None:
+    one, two = np.full(1000, 0.1), np.full(10, 0.7)
+    assert relative_error([one, two], [np.ones(1000), np.ones(10)]) == pytest.approx(math.sqrt((0.01 + 0.49) / 2))
+    assert math.isnan(relative_error([one], [np.zeros(1000)]))
+
+
+def test_blocks_hold_everything_once_and_end_with_their_record() -> None:
+    observations = [Observation(r, 100.0) for r in runs(HEALTHY, seconds=2.3)]
+    lengths = [len(o.index) for o in observations]
+    ones = np.ones((sum(lengths), 1))
+    sums = block_sums(observations, ones, 0.5)[:, 0]
+    per = int(0.5 / (observations[0].stride * SAMPLE_TIME))
+    assert sums.sum() == len(ones) and sums.min() >= per
+    counts = [n // per for n in lengths]
+    assert len(sums) == sum(counts)
+    assert [s.sum() for s in np.split(sums, np.cumsum(counts)[:-1])] == lengths
+
+
+def test_the_solver_stays_within_bounds_and_finds_the_best_there() -> None:
+    """An axis that is pushed on by its drag: the coefficient, which may not be negative, ends on its bound."""
+    records = runs(Plant.axis(J) + effects.TorqueOffset(torque=1e-4))
+    push = [-1e-5 * np.gradient(r.position, SAMPLE_TIME) for r in records]
+    driven = [replace(r, signals={**r.signals, "torque": r.torque + p}) for r, p in zip(records, push, strict=True)]
+    found = fit(Plant.axis(J) + effects.Viscous(), driven)
+    assert found.plant["viscous"].coefficient == 0
+    assert found.plant.uncertainty["viscous.coefficient"][0] == 0
+
+
+def test_the_solver_goes_downhill(fitted: FitResult) -> None:
+    misfit = fitted.misfit
+    start = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
+    ends = [rms(misfit.residual(solve(misfit, start, n))) for n in (0, 1, 3, 10)]
+    assert ends == sorted(ends, reverse=True) and ends[0] > 1.5 * ends[-1]
+
+
+def test_the_covariance_is_symmetric_and_positive(fitted: FitResult) -> None:
+    c = covariance(fitted.misfit, fitted.vector)
+    np.testing.assert_allclose(c, c.T, rtol=1e-6, atol=1e-12 * np.abs(c).max())
+    assert np.all(np.diag(c) >= 0)
