@@ -15,7 +15,7 @@ from .compare import Comparison, compare
 from .dataset import Dataset, load
 from .diagnose import Diagnosis, diagnose
 from .effect import Effect
-from .engine import attach, friction
+from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
 from .fit import FitResult, baseline, fit
 from .parameter import Parameter
@@ -45,6 +45,8 @@ __all__ = [
     "effects",
     "fit",
     "friction",
+    "install_callback",
     "load",
+    "remove_callback",
     "simulate",
 ]

@@ -1,4 +1,4 @@
-"""Friction inside MuJoCo: the plug-in, its attachment to named joints, the readout.
+"""Friction inside MuJoCo: the plug-in, its attachment to named joints, the control callback, the readout.
 
 Importing this module registers the plug-in `gms_mujoco.friction`, so that a saved MJCF loads. Joints with the same
 friction share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
@@ -12,7 +12,7 @@ import ctypes
 import fnmatch
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -213,6 +213,55 @@ def _config(effects: list[Effect], integration: str) -> dict[str, str]:
             numbers = value if isinstance(value, tuple) else (value,)
             config[f"{e.name}.{key}"] = " ".join(map(repr, numbers))
     return config
+
+
+# ctypes lets mujoco.set_mjcb_control, and with it mujoco.batch.Batch, take a C function.
+_control = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(("gms_control", native.library))
+_installed: Any = _control
+_before: Any = None
+
+
+def install_callback() -> None:
+    """Has MuJoCo's control callback evaluate the friction of models that are driven without actuators.
+
+    Stiff and static friction answers the torque of its own step. Where a model has actuators, the plug-in evaluates
+    it once their forces are known, whatever sets the controls. Where it has none, the plug-in alone does so
+    together with the passive forces, before a control callback sets `qfrc_applied` or `xfrc_applied`; with this
+    callback, after that. Where no callback sets any, the results are the same.
+
+    It is a C function, so that threads and `mujoco.batch.Batch` take it. A Python callback that is installed already
+    runs first; the two are one Python callback then. Setting another callback later on replaces this one, and the
+    plug-in is alone again.
+
+    Raises:
+        EngineError: a C function of another is installed.
+    """
+    global _before, _installed
+    now = mujoco.get_mjcb_control()
+    if now is _installed:
+        return
+    if hasattr(now, "argtypes"):  # of ctypes
+        raise EngineError(
+            "another C function is installed as control callback: remove it with mujoco.set_mjcb_control(None)"
+        )
+    _before, _installed = now, _control if now is None else _after(now)
+    mujoco.set_mjcb_control(_installed)
+
+
+def remove_callback() -> None:
+    """Undoes `install_callback`: the callback from before is back. One that was set later on stays."""
+    global _before, _installed
+    if mujoco.get_mjcb_control() is _installed:
+        mujoco.set_mjcb_control(_before)
+    _before, _installed = None, _control
+
+
+def _after(control: Callable[[mujoco.MjModel, mujoco.MjData], object]) -> Any:
+    def callback(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        control(model, data)
+        _control(model._address, data._address)
+
+    return callback
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-// What MuJoCo calls: the engine plug-in `gms_mujoco.friction`.
+// What MuJoCo calls: the engine plug-in `gms_mujoco.friction`, and the control callback over its instances.
 //
 // One instance is the friction of one joint, or of several that have the same. Parameters come from its <config>,
 // state lives in plugin_state, so that reset, copies, mj_getState, rollouts, saved models and finite differences work
@@ -6,9 +6,11 @@
 //
 // Explicit joints take their torque with the passive forces, at the position of the step. Late joints wait for the
 // torque of the actuators: those whose friction depends on it, and implicit ones. MuJoCo calls actuator plug-ins
-// when the forces of its own actuators are known but not yet summed to joint torques: we do that, as it will. Where
-// no actuators act that call is left out, and late joints are taken with the passive forces too. Implicit joints (see
-// Joint::slope) solve all together for the velocities at the end of the step.
+// when the forces of its own actuators are known but not yet summed to joint torques: we do that, as it will. A model
+// without actuators has no such call: there the control callback takes them, when all that drives the joints is set;
+// and where that is not installed, or no actuation acts, they are taken with the passive forces too. So each is
+// taken once in a step, and none is ever lost. Implicit joints (see Joint::slope) solve all together for the
+// velocities at the end of the step.
 //
 // libmujoco is not linked: Python hands over the addresses of its functions, after a look at its version.
 #include <mujoco/mujoco.h>
@@ -31,10 +33,12 @@
 #define GMS_API extern "C" __attribute__((visibility("default")))
 #endif
 
-// The symbols of libmujoco in use, the version first.
+// The symbols of libmujoco in use, the version first. Only the last is a variable.
 #define GMS_SYMBOLS(X)                                                                                   \
   X(mj_version) X(mju_error) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig) X(mj_name2id) \
-  X(mj_rne) X(mj_fwdActuation) X(mj_applyFT)
+  X(mj_rne) X(mj_fwdActuation) X(mj_applyFT) X(mjcb_control)
+
+GMS_API void gms_control(const mjModel* m, mjData* d);
 
 namespace {
 
@@ -297,8 +301,16 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   }
 }
 
-// Where no actuators act, MuJoCo does not call us among them.
-bool actuators_follow(const mjModel* m) { return m->nactuator > 0 && !(m->opt.disableflags & mjDSBL_ACTUATION); }
+// The same where no actuators act.
+void evaluate_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias) {
+  std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
+  evaluate_late(m, d, g, bias, g->actuator.data());
+}
+
+// Whether MuJoCo calls us again in this step, among the actuators or at the control callback.
+bool called_later(const mjModel* m) {
+  return !(m->opt.disableflags & mjDSBL_ACTUATION) && (m->nactuator > 0 || *engine.mjcb_control == gms_control);
+}
 
 // ------------------------------------------------------------------------------------------- what MuJoCo calls
 
@@ -404,12 +416,11 @@ void compute(const mjModel* m, mjData* d, int id, int capability) {
   const bool last = &h->instance == g->instances.back();
   if (capability == mjPLUGIN_PASSIVE) {
     for (Unit& x : h->instance.units) compute_passive(m, d, g, &x);
-    if (!last || g->n_late == 0 || actuators_follow(m)) return;
+    if (!last || g->n_late == 0 || called_later(m)) return;
     double* bias = g->bias.data();
     std::fill(bias, bias + m->nv, 0.0);
     engine.mj_rne(m, d, 0, bias);
-    std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
-    evaluate_late(m, d, g, bias, g->actuator.data());
+    evaluate_unactuated(m, d, g, bias);
   } else if (last && g->n_late > 0 && !g->inside) {
     const double* torque = actuator_torque(m, d, g);
     if (!torque) {  // MuJoCo goes on from the forces as they are now, once we return
@@ -442,6 +453,12 @@ void advance(const mjModel*, mjData* d, int id) {
 }
 
 }  // namespace
+
+// For mujoco.set_mjcb_control, or after another control callback.
+GMS_API void gms_control(const mjModel* m, mjData* d) {
+  Handle* first = m->nactuator > 0 ? nullptr : first_handle(m, d, static_cast<int>(m->nplugin));
+  if (first && first->group->n_late > 0) evaluate_unactuated(m, d, first->group.get(), d->qfrc_bias);
+}
 
 // ------------------------------------------------------------------------------------------ what Python calls
 
