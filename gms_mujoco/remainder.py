@@ -13,6 +13,7 @@ from .fit import Misfit
 Array = NDArray[np.float64]
 
 _NOTABLE = 0.25  # of the squared residual
+_FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
 def describe(misfit: Misfit, vector: Array) -> str:
@@ -33,7 +34,8 @@ def describe(misfit: Misfit, vector: Array) -> str:
 
     o, r = observations[worst], parts[worst]
     f, power = signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
-    peak = int(np.argmax(power[1:])) + 1
+    first = min(_FEWEST_PERIODS, len(power) - 1)
+    peak = int(np.argmax(power[first:])) + first
     line = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())
     if line > _NOTABLE:
         said.append(f"periodic in time at {f[peak]:.3g} Hz ({100 * line:.0f} %)")

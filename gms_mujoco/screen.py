@@ -83,6 +83,9 @@ class Screen:
             if not seen.any():
                 continue
             strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
+            if strength.any() and not strength[seen].all():  # the others must do without those out of bounds
+                seen &= strength != 0
+                strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
             seen &= strength != 0
             started = _started(effect, shape, names, -strength, self.scales)
             out_of_bounds = out_of_bounds or started

@@ -1,0 +1,91 @@
+"""What is left over: where it stands is said in words that fit the residual."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, rms, runs
+
+from gms_mujoco import effects
+from gms_mujoco.fit import Misfit, observe
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.remainder import describe
+
+
+def _of(plant: Plant, records: list[Record]) -> str:
+    misfit = Misfit(plant, observe(records, plant.inertia, 100.0))
+    return describe(misfit, misfit.vector(plant))
+
+
+def _with(records: list[Record], torque: np.ndarray, which: tuple[int, ...] = (0, 1, 2)) -> list[Record]:
+    """The records with something on the torque that nobody knows of."""
+    return [
+        replace(r, signals={**r.signals, "torque": r.torque + torque}) if i in which else r
+        for i, r in enumerate(records)
+    ]
+
+
+T = SAMPLE_TIME * np.arange(3000)
+
+
+@pytest.fixture(scope="module")
+def records() -> list[Record]:
+    return runs(HEALTHY)
+
+
+@pytest.mark.parametrize("frequency", [3.0, 12.0, 47.0])
+def test_a_line_in_time_is_said_with_its_frequency(records: list[Record], frequency: float) -> None:
+    said = _of(HEALTHY, _with(records, 0.1 * LEVEL * np.sin(2 * np.pi * frequency * T)))
+    found = float(said.split("periodic in time at ")[1].split(" Hz")[0])
+    assert found == pytest.approx(frequency, abs=0.5)
+    assert "instant" not in said and "revolution" not in said
+
+
+def test_one_instant_is_said_with_its_time_and_record(records: list[Record]) -> None:
+    hit = np.where(np.abs(T - 1.7) < 0.003, 2 * LEVEL, 0.0)
+    said = _of(HEALTHY, _with(records, hit, which=(1,)))
+    assert "at one instant, 1.7 s in fit_1" in said and "in fit_1," in said
+    assert "periodic" not in said
+
+
+def test_a_place_on_the_revolution_is_said(records: list[Record]) -> None:
+    cogging = effects.Cogging(harmonics=[2], amplitude=[0.2 * LEVEL], phase=[0.4])
+    said = _of(HEALTHY, runs(HEALTHY + cogging))
+    assert "tied to the place on the revolution" in said
+    assert "periodic in time" not in said and "instant" not in said
+
+
+def test_velocity_is_said() -> None:
+    said = _of(HEALTHY, runs(HEALTHY + effects.QuadraticDrag(coefficient=LEVEL / 30**2)))
+    assert "tied to velocity" in said and "instant" not in said
+
+
+def test_one_record_is_said(records: list[Record]) -> None:
+    noise = np.random.default_rng(0).normal(0, 0.1 * LEVEL, len(T))
+    one, all_ = (_of(HEALTHY, _with(records, noise, which)) for which in ((2,), (0, 1, 2)))
+    assert "of its square in fit_2" in one and "of its square in" not in all_
+
+
+def test_standstill_and_reversals_are_said() -> None:
+    said = _of(HEALTHY.replace(HEALTHY["gms"].replace(static=3 * LEVEL, stribeck_velocity=0.02)), runs(HEALTHY))
+    assert "standstill" in said
+
+
+def test_the_size_comes_first(records: list[Record]) -> None:
+    observations = observe(records, HEALTHY.inertia, 100.0)
+    misfit = Misfit(HEALTHY, observations)
+    said = describe(misfit, misfit.vector(HEALTHY))
+    left = rms(misfit.residual(misfit.vector(HEALTHY)))
+    torque = rms(np.concatenate([o.applied(HEALTHY) for o in observations]))
+    assert said.startswith(f"{100 * left / torque:.1f} % of the torque")
+
+
+def test_white_noise_is_nothing_in_particular(records: list[Record]) -> None:
+    noise = np.random.default_rng(0).normal(0, 0.1 * LEVEL, len(T))
+    assert _of(HEALTHY, _with(records, noise)).count(",") == 0
+
+
+def test_nothing_is_nothing(records: list[Record]) -> None:
+    still = [replace(r, signals={"torque": 0 * r.torque, "position": 0 * r.position}) for r in records]
+    assert _of(Plant.axis(1.0), still) == "nothing"
