@@ -226,7 +226,7 @@ def _started(
             least = 1e-3 * scales[p.unit]
             found[name] = float(np.clip(v if abs(v) > least else least, p.lower, p.upper))
             if p.at_least:
-                found[name] = max(found[name], found.get(p.at_least, 0.0))
+                found[name] += found.get(p.at_least, 0.0)  # its tangent is what it is above that one
     return _valued(effect, {**shape, **phase}, found)
 
 
@@ -329,12 +329,12 @@ def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
     return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])
 
 
-# Laws of which `gms` is the general form: beside it they have nothing of their own to add. It is itself no small
-# change of anything else, and a plant without it was chosen so.
+# Laws of which `gms` is the general form: beside it they have nothing of their own to add. It and `lugre` are no small
+# change of anything else, and a plant without them was chosen so.
 _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 
 
 def applicable(plant: Plant) -> list[type[Effect]]:
     """The effects of the catalogue that could be added to a plant: not there yet, and not contained in its friction."""
-    contained = _SPECIAL_LAWS if "gms" in plant else ("gms",)
+    contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
     return [e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained]

@@ -155,6 +155,19 @@ def test_held_out_blocks_are_those_of_an_explicit_refit() -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-3)
 
 
+def test_a_plant_without_friction_lacks_its_friction() -> None:
+    """The laws that are not small changes are left out, those that are gain most and start near the level."""
+    law = effects.Stribeck(coulomb=3e-3, static=4.5e-3, stribeck_velocity=1.0)
+    drag = Plant.axis(J) + effects.Viscous(coefficient=2e-5)
+    found = fit(Plant.axis(J) + effects.Viscous(), runs(drag + law)[1:])
+    screen = Screen(found.misfit, found.vector)
+    candidates = {c.effect.name: c for c in map(screen.candidate, applicable(found.plant)) if c}
+    names = sorted(candidates, key=lambda k: -candidates[k].gain)
+    assert set(names[:2]) == {"stribeck", "coulomb"} and not {"gms", "lugre"} & set(names)
+    start = candidates["stribeck"].effect
+    assert 0.8 < start.coulomb / law.coulomb < 1.2 and start.coulomb < start.static < 1.2 * law.static
+
+
 def test_every_effect_of_the_catalogue_can_be_screened(screened: dict) -> None:
     """On records that turn and rest every effect shows, but those that need a signal that was not recorded."""
     found, candidates = screened[""]

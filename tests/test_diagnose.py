@@ -1,0 +1,189 @@
+"""diagnose: the hidden effect by its name, nothing on a healthy axis, and no name for what nobody knows."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from scipy import stats
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import FALSE_DISCOVERY_RATE, Diagnosis, _discoveries, diagnose
+from gms_mujoco.effect import Effect
+from gms_mujoco.errors import DataError
+from gms_mujoco.fit import fit
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+
+HIDDEN: dict[str, Effect] = {
+    "cogging": effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4]),
+    "gravity": effects.Gravity(amplitude=0.3 * LEVEL, phase=1.0),
+    "torque_offset": effects.TorqueOffset(torque=0.15 * LEVEL),
+    "delay": effects.Delay(time=1.5 * SAMPLE_TIME),
+    "quadratic_drag": effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2),
+}
+KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Diagnosis]:
+    """One diagnosis per hidden effect; "" is the healthy axis."""
+    return {name: diagnose(dataset(HEALTHY + HIDDEN[name] if name else HEALTHY), UNKNOWN) for name in ("", *HIDDEN)}
+
+
+def _with(runs: Dataset, torque: np.ndarray, uses: tuple[str, ...] = ("fit", "validate")) -> Dataset:
+    """The set with something on the torque that nobody knows of."""
+
+    def changed(r: Record) -> Record:
+        return replace(r, signals={**r.signals, "torque": r.torque + torque}) if r.use in uses else r
+
+    return replace(runs, records=tuple(map(changed, runs.records)))
+
+
+T = SAMPLE_TIME * np.arange(3000)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_the_hidden_effect_is_named_and_brings_the_error_to_the_floor(found: dict[str, Diagnosis], name: str) -> None:
+    d = found[name]
+    assert [e.name for e in d] == [name] and d.verdict == "explained"
+    first, last = d.steps[0].validate_error, d.steps[-1].validate_error
+    assert last <= 1.3 * d.noise_floor < 0.5 * first
+    for p in type(HIDDEN[name]).parameters:
+        got, true = np.ravel(d.found[0].values[p.name])[0], np.ravel(HIDDEN[name].values[p.name])[0]
+        if p.name == "phase":
+            assert math.remainder(got - true, 2 * math.pi) == pytest.approx(0, abs=0.05)
+        else:
+            assert got == pytest.approx(true, rel=0.05)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_the_intervals_of_what_was_found_are_beside_it(found: dict[str, Diagnosis], name: str) -> None:
+    table = found[name].to_dict()["steps"][1]["parameters"]
+    free = {f"{name}.{p.name}" for p in type(HIDDEN[name]).parameters if p.free}
+    assert set(table) == free
+    for entry in table.values():
+        low, high = entry["ci95"]
+        assert low < entry["value"] < high and entry["unit"]
+
+
+def test_a_healthy_axis_is_adequate(found: dict[str, Diagnosis]) -> None:
+    d = found[""]
+    assert d.verdict == "adequate" and not d.found and len(d.steps) == 1
+    assert d.steps[0].validate_error <= 1.3 * d.noise_floor
+    assert d.plant is d.baseline and d.next_experiment is None and not d.remainder
+
+
+def test_two_effects_are_both_found() -> None:
+    d = diagnose(dataset(HEALTHY + HIDDEN["cogging"] + HIDDEN["gravity"]), UNKNOWN)
+    assert {e.name for e in d} == {"cogging", "gravity"} and d.verdict == "explained"
+    errors = [s.result.error for s in d.steps]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_a_disturbance_that_is_periodic_in_time_gets_no_name() -> None:
+    d = diagnose(_with(dataset(HEALTHY), 0.15 * LEVEL * np.sin(2 * np.pi * 12 * T)), UNKNOWN)
+    assert d.verdict == "unexplained" and not d.found and d.steps[-1].validate_error > 1.3 * d.noise_floor
+    said = float(d.remainder.split("periodic in time at ")[1].split(" Hz")[0])
+    assert said == pytest.approx(12, abs=0.5)
+    assert d.next_experiment and "Nothing known" in d.next_experiment
+
+
+def test_one_impact_gets_no_name() -> None:
+    runs = dataset(HEALTHY)
+    hit = np.where(np.abs(T - 1.7) < 0.003, 2 * LEVEL, 0.0)
+    first = replace(runs, records=runs.records[:1])
+    d = diagnose(replace(runs, records=(*_with(first, hit).records, *runs.records[1:])), UNKNOWN)
+    assert not d.found and d.verdict in ("adequate", "unexplained")
+    if d.verdict == "unexplained":
+        assert "at one instant, 1.7 s in fit_0" in d.remainder
+
+
+def test_what_remains_beside_a_known_effect_is_said() -> None:
+    line = 0.05 * LEVEL * np.sin(2 * np.pi * 12 * T)
+    d = diagnose(_with(dataset(HEALTHY + HIDDEN["cogging"]), line), UNKNOWN)
+    assert [e.name for e in d] == ["cogging"] and d.verdict == "partly_explained"
+    assert "periodic in time at 1" in d.remainder
+
+
+def test_select_records_must_agree() -> None:
+    """An effect that helps where it is fitted and not where it is chosen is not added."""
+    hidden, healthy = dataset(HEALTHY + HIDDEN["gravity"], select=True), dataset(HEALTHY, select=True)
+    assert [e.name for e in diagnose(hidden, UNKNOWN)] == ["gravity"]
+    mixed = replace(hidden, records=(*hidden.fit, *healthy.select, *hidden.validate))
+    d = diagnose(mixed, UNKNOWN)
+    assert not d.found and d.verdict == "unexplained"
+
+
+def test_validate_records_decide_nothing(found: dict[str, Diagnosis]) -> None:
+    runs = dataset(HEALTHY + HIDDEN["cogging"])
+    noise = np.random.default_rng(0).normal(0, LEVEL, 3000)
+    other = diagnose(_with(runs, noise, uses=("validate",)), UNKNOWN)
+    alone = diagnose(replace(runs, records=runs.fit), UNKNOWN)
+    told = found["cogging"]
+    for d in (other, alone):
+        assert d.plant == told.plant and d.plant.uncertainty == told.plant.uncertainty
+        assert [(s.effect, s.result.error, s.p_value) for s in d.steps][1:] == [
+            (s.effect, s.result.error, s.p_value) for s in told.steps
+        ][1:]
+        assert [(c.effect, c.p_value) for c in d.candidates] == [(c.effect, c.p_value) for c in told.candidates]
+        assert d.verdict == told.verdict
+    assert other.steps[-1].validate_error > 10 * told.steps[-1].validate_error
+    assert all(s.validate_error is None for s in alone.steps)
+    assert all(c.validate_error is None for c in alone.candidates)
+
+
+@pytest.mark.parametrize("name", ["", *HIDDEN])
+def test_the_dictionary_is_that_of_the_contract(found: dict[str, Diagnosis], name: str) -> None:
+    table = found[name].to_dict()
+    assert set(table) >= KEYS and table["schema"] == 1
+    assert table["verdict"] in ("adequate", "explained", "partly_explained", "unexplained")
+    first, *added = table["steps"]
+    assert first["effect"] is None and {"fit_error", "validate_error"} <= set(first)
+    for step in added:
+        assert set(step) >= {"effect", "fit_error", "validate_error", "confusable_with", "parameters", "evidence"}
+        assert step["evidence"].startswith(step["effect"]) and "%" in step["evidence"]
+    for c in table["candidates"]:
+        assert set(c) == {"effect", "validate_error", "p_value"} and 0 <= c["p_value"] <= 1
+    tried = [c["effect"] for c in table["candidates"]]
+    assert len(set(tried)) == len(tried) and not set(tried) & {s["effect"] for s in added}
+
+
+def test_it_starts_from_the_plant_that_is_given(found: dict[str, Diagnosis]) -> None:
+    """A model that has the effect already is found adequate; its effect is part of the baseline."""
+    hidden = HEALTHY + HIDDEN["gravity"]
+    fitted = fit(hidden, runs(hidden)).plant
+    d = diagnose(dataset(hidden), fitted)
+    assert d.verdict == "adequate" and "gravity" in d.baseline
+    assert d.steps[0].result.error <= 1.05 * found["gravity"].steps[-1].result.error
+
+
+def test_printed_it_is_the_table_of_falling_errors(found: dict[str, Diagnosis]) -> None:
+    d = found["cogging"]
+    text = str(d)
+    assert text.startswith("verdict: explained") and "+ cogging" in text and "noise floor" in text
+    assert f"{100 * d.steps[-1].validate_error:.2f}" in text and d.steps[1].evidence in text
+
+
+def test_progress_runs_forward_to_its_end() -> None:
+    told: list[float] = []
+    drag = Plant.axis(J) + effects.Viscous(coefficient=2e-4)
+    d = diagnose(dataset(drag), Plant.axis(J) + effects.Viscous(), progress=lambda done, text: told.append(done))
+    assert told == sorted(told) and told[0] >= 0 and told[-1] == 1.0
+    assert d.verdict == "adequate"
+
+
+def test_there_must_be_something_to_fit() -> None:
+    runs = dataset(HEALTHY)
+    with pytest.raises(DataError, match="no fit records"):
+        diagnose(replace(runs, records=runs.validate))
+
+
+def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
+    for seed in range(50):
+        p = np.random.default_rng(seed).uniform(0, 1, 15) ** 4
+        names = {f"effect {i}": float(v) for i, v in enumerate(p)}
+        adjusted = stats.false_discovery_control(p)
+        assert _discoveries(names) == {f"effect {i}" for i in np.flatnonzero(adjusted <= FALSE_DISCOVERY_RATE)}
