@@ -230,7 +230,9 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
 
 def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: _Search) -> Diagnosis:
     last = steps[-1].result
-    at_floor = search.error <= AT_FLOOR * last.floor
+    # The verdict, unlike the choices before it, is a statement about data that nobody has looked at.
+    reached = steps[-1].validate_error
+    at_floor = search.error <= AT_FLOOR * last.floor if reached is None else reached <= AT_FLOOR * floor
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = "" if at_floor else describe(last.misfit, last.vector)

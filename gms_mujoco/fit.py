@@ -17,7 +17,7 @@ from .noise import Noise, choose_bandwidth, estimate_noise, floor_residual, refi
 from .plant import Plant
 from .record import Record
 from .scales import Scales
-from .starts import LONGEST_BREAK_AWAY, starts, weighted_median
+from .starts import starts, visible_limits
 from .tall import gram
 from .version import __version__
 
@@ -62,7 +62,7 @@ class Misfit:
     @property
     def bounds(self) -> tuple[Array, Array]:
         lower, upper = self.coordinates.bounds
-        lower = np.maximum(lower, self._softest)
+        lower, upper = np.maximum(lower, self._visible[0]), np.minimum(upper, self._visible[1])
         rest = np.ones(self.size - self.coordinates.size)
         rest[: self.n_skew] = 0.0 if "delay" in self.coordinates.template else _SKEW * self._shortest
         return np.append(lower, -rest), np.append(upper, rest)
@@ -167,19 +167,14 @@ class Misfit:
         return np.append(near, 0.5 * self.bounds[1][n:])
 
     @cached_property
-    def _softest(self) -> Array:
-        """Lower bound of each coordinate that keeps the elements of `gms` slipping, not merely springs."""
-        out = np.full(self.coordinates.size, -np.inf)
-        template = self.coordinates.template
-        if "gms" in template:
-            gms = template["gms"]
-            stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * gms.coulomb
-            longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
-            softest = np.log(np.minimum(stiffness, level.mean() / longest))
-            for i, label in enumerate(self.coordinates.labels):
-                if label.startswith("gms.stiffness"):
-                    out[i] = softest[int(label[14:-1] or 0)] if "[" in label else softest[0]
-        return out
+    def _visible(self) -> tuple[Array, Array]:
+        """Bounds of each coordinate inside which the observations say something about it."""
+        lower, upper = np.full(self.coordinates.size, -np.inf), np.full(self.coordinates.size, np.inf)
+        limits = visible_limits(self.coordinates.template, self.observations)
+        for i, label in enumerate(self.coordinates.labels):
+            if label in limits:
+                lower[i], upper[i] = np.log(limits[label])
+        return lower, upper
 
     @cached_property
     def _typical(self) -> Array:

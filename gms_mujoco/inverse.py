@@ -17,13 +17,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import interpolate, signal
 
 from .effect import Effect
 from .plant import Plant
 from .record import Record
 
 Array = NDArray[np.float64]
+
+
+_FINE = 4  # parts of a sample
 
 
 def held_mean(u: Array) -> Array:
@@ -163,26 +166,44 @@ class Observation:
         drive = [e for e in plant.effects if type(e).deliver is not Effect.deliver]
         if not drive:
             return self._commanded
-        torque = self.record.torque
+        # A drive effect shapes the torque inside a sample: it is followed on a finer grid, on which it is held.
+        r = self.record
+        time = r.time[0] + r.sample_time / _FINE * np.arange(_FINE * len(r))
+        torque = np.repeat(r.torque, _FINE)
         for effect in drive:
-            torque = effect.deliver(self.record.time, torque)
-        return self.band(held_mean(torque))
+            torque = effect.deliver(time, torque)
+        rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
+        mean = r.torque.copy()
+        mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]
+        return self.band(mean)
 
     @cached_property
     def _commanded(self) -> Array:
         return self.band(held_mean(self.record.torque))
 
-    def replay(self, plant: Plant, memory: Array | None = None) -> Array:
+    def replay(self, plant: Plant, memory: Array | None = None, parts: int = 1) -> Array:
         """(m,) band-limited torque of the effects along the motion [N m].
 
         Args:
             memory: state before the first sample, see `native.Joint.replay`.
+            parts: of a sample, between which the torque is taken to vary linearly.
         """
         r, seen = self.record, self.seen_by(plant)
-        torque = plant.joint().replay(
-            r.time, seen.position, seen.velocity, r.get("load"), r.get("temperature"), memory
-        ).torque
-        return self.band(_smooth_mean(torque))
+        load, temperature = r.get("load"), r.get("temperature")
+        joint = plant.joint()
+        if parts == 1:
+            torque = joint.replay(r.time, seen.position, seen.velocity, load, temperature, memory).torque
+            return self.band(_smooth_mean(torque))
+        time = np.linspace(r.time[0], r.time[-1], parts * (len(r) - 1) + 1)
+        motion = interpolate.CubicHermiteSpline(r.time, seen.position, seen.velocity)
+        load, temperature = (
+            None if x is None else np.append(np.repeat(x[:-1], parts), x[-1]) for x in (load, temperature)
+        )
+        torque = joint.replay(time, motion(time), motion(time, 1), load, temperature, memory).torque
+        mean = torque[::parts].copy()
+        weight = 1 - np.abs(np.arange(1 - parts, parts)) / parts
+        mean[1:-1] = np.convolve(torque, weight / parts, "valid")[1 :: parts][: len(mean) - 2]
+        return self.band(mean)
 
     def needed(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]."""

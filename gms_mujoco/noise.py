@@ -19,6 +19,7 @@ _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little 
 _QUIETER = 0.25  # quantile over the records
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
+_PARTS = 8  # of a sample, between which torques are taken as straight
 _NEGLIGIBLE = 0.01  # of the torque
 
 
@@ -136,10 +137,11 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 def floor_residual(
     observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
 ) -> Array:
-    """(m,) residual that `plant` itself would leave on a record like this one, from the sensors alone [N m].
+    """(m,) residual that `plant` itself would leave on a record like this one [N m].
 
-    The smoothed motion is taken as true, read again through a noisy, quantising encoder, and passed through the
-    same inverse dynamics.
+    The smoothed motion is taken as true. It is read again through a noisy, quantising encoder and passed through the
+    same inverse dynamics; and the torque of the effects is taken between the samples too, where the inverse dynamics
+    can only draw a straight line.
     """
     r = observation.record
     true = observation.position
@@ -150,4 +152,5 @@ def floor_residual(
     seen = observation.again(true)
     measured = observation.again(read)
     torque = held_mean(noise.torque * rng.standard_normal(len(r)))
-    return observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))
+    noisy = observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))
+    return noisy + seen.replay(plant, memory) - seen.replay(plant, memory, parts=_PARTS)

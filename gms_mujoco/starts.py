@@ -47,15 +47,41 @@ def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
     stiffness, share, level = _grouped(distances, levels, gms.elements)
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
     for factor in _STRIBECK_VELOCITIES:
         started = _with(
             gms, stiffness=stiffness, fraction=share, coulomb=level, static=1.05 * level,
-            stribeck_velocity=factor * scales["rad/s"], attraction=0.1 * level / scales["s"],
+            stribeck_velocity=min(factor * scales["rad/s"], fastest), attraction=0.1 * level / scales["s"],
         )
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out
+
+
+def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
+    """Lower and upper limit of parameters of `gms` beyond which these observations do not change, by label.
+
+    Out there a fit would find no way back: an element that is too soft never slips and is a spring; a level that is
+    followed faster than the samples come, or that weakens beyond the fastest speed, might as well be anything. A
+    value that the plant has already is inside.
+    """
+    if "gms" not in plant or plant["gms"].unset:
+        return {}
+    gms = plant["gms"]
+    stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
+    total = float(level.sum())
+    longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
+    softest = float(level.mean()) / longest
+    step = min(o.record.sample_time for o in observations)
+    duration = max(float(np.ptp(o.time)) for o in observations)
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
+    slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
+    names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
+    limits = {n: (softest, np.inf, k) for n, k in zip(names, stiffness, strict=True)}
+    limits["gms.attraction"] = (0.1 * total / duration, total / step, gms.attraction)
+    limits["gms.stribeck_velocity"] = (slowest, fastest, gms.stribeck_velocity)
+    return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
 
 
 def _typical(effect: Effect, scales: Scales) -> Effect:
