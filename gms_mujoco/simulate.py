@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .effect import Effect
 from .errors import DataError, ModelError, listing
 from .plant import Plant
 from .record import Record
@@ -55,17 +56,23 @@ def simulate(
         raise ModelError(f"{loads} must have less inertia than the axis, {plant.inertia:g}, of which it is a part")
     command = np.asarray(torque, float)
     time = np.asarray(sample_time * np.arange(len(command)), float)
-    delivered = command
+    # A drive effect shapes the torque inside a sample: it acts at every time step.
+    parts = substeps if any(type(e).deliver is not Effect.deliver for e in plant.effects) else 1
+    delivered = np.repeat(command, parts)
+    fine = np.asarray(sample_time / parts * np.arange(len(delivered)), float)
     for effect in plant.effects:
-        delivered = effect.deliver(time, delivered)
+        delivered = effect.deliver(fine, delivered)
     motion = plant.joint().simulate(
-        plant.driven_inertia, sample_time, delivered, position, velocity, substeps, load=load, temperature=temperature
-    )
-    if not np.isfinite(motion.position).all():
+        plant.driven_inertia, sample_time / parts, delivered, position, velocity, substeps // parts,
+        load=None if load is None else np.repeat(load, parts),
+        temperature=None if temperature is None else np.repeat(temperature, parts),
+    )  # fmt: skip
+    reached, speed = motion.position[::parts], motion.velocity[::parts]
+    if not np.isfinite(reached).all():
         raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
     rng = np.random.default_rng(seed)
     # The time steps add h v to the position with the v at their end: it runs half a step ahead of the velocity.
-    seen = motion.position - sample_time / substeps / 2 * (motion.velocity - velocity)
+    seen = reached - sample_time / substeps / 2 * (speed - velocity)
     for effect in plant.effects:
         seen = effect.read(time, seen)
     read = seen + position_noise * rng.standard_normal(len(time))

@@ -1,7 +1,9 @@
 """diagnose: the hidden effect by its name, nothing on a healthy axis, and no name for what nobody knows."""
 
+import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
 from scipy import stats
 
 from gms_mujoco import effects
-from gms_mujoco.dataset import Dataset
+from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import FALSE_DISCOVERY_RATE, Diagnosis, _discoveries, diagnose
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError
@@ -129,7 +131,8 @@ def test_validate_records_decide_nothing(found: dict[str, Diagnosis]) -> None:
             (s.effect, s.result.error, s.p_value) for s in told.steps
         ][1:]
         assert [(c.effect, c.p_value) for c in d.candidates] == [(c.effect, c.p_value) for c in told.candidates]
-        assert d.verdict == told.verdict
+    # The verdict is a statement about them, made after every choice.
+    assert alone.verdict == told.verdict == "explained" and other.verdict == "partly_explained"
     assert other.steps[-1].validate_error > 10 * told.steps[-1].validate_error
     assert all(s.validate_error is None for s in alone.steps)
     assert all(c.validate_error is None for c in alone.candidates)
@@ -179,6 +182,28 @@ def test_there_must_be_something_to_fit() -> None:
     runs = dataset(HEALTHY)
     with pytest.raises(DataError, match="no fit records"):
         diagnose(replace(runs, records=runs.validate))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["null", "cogging", "asymmetric_friction", "delay"])
+def test_practice_sets(practice: Path, name: str) -> None:
+    """Axes that others simulated, with all their regimes; the truth stands beside the records."""
+    truth = json.loads((practice / name / "truth.json").read_text())["effects"]
+    d = diagnose(load(practice / name))
+    assert [e.name for e in d][:1] == truth
+    if not truth:
+        assert d.verdict == "adequate"
+    else:
+        first, last = d.steps[0].validate_error, d.steps[-1].validate_error
+        assert d.verdict in ("explained", "partly_explained") and last < 0.2 * first
+
+
+@pytest.mark.slow
+def test_a_measured_drive_has_asymmetric_friction(emps: Path) -> None:
+    """EMPS: Janot, Gautier and Brunot (2019); validated on the run with a load that comes in pulses."""
+    d = diagnose(load(emps))
+    assert d.steps[1].effect == "asymmetric_friction"
+    assert d.steps[-1].validate_error <= 0.82 * d.steps[0].validate_error
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:

@@ -116,9 +116,19 @@ def test_the_floor_is_what_a_perfect_model_leaves(bench: dict) -> None:
     assert floor == pytest.approx(left, rel=0.15)
 
 
-def test_no_noise_has_no_floor() -> None:
-    o = Observation(run(HEALTHY, multisine(3000, 1e-3, 1, 50, 5e-3, np.random.default_rng(0))), 100.0)
-    assert rms(floor_residual(o, HEALTHY, None, Noise(0, 0, 0), np.random.default_rng(0))) < 1e-15
+def test_without_noise_only_sampling_leaves_a_floor() -> None:
+    """None for torques that run straight between samples; for friction the kinks where it reverses and slips."""
+    command = multisine(3000, 1e-3, 1, 50, 5e-3, np.random.default_rng(0))
+    silent, rng = Noise(0, 0, 0), np.random.default_rng(0)
+    o = Observation(run(HEALTHY, command), 100.0)
+    drag = HEALTHY.without("gms")
+    kinks = rms(floor_residual(o, HEALTHY, None, silent, rng))
+    assert rms(floor_residual(o, BARE, None, silent, rng)) == 0
+    assert rms(floor_residual(o, drag, None, silent, rng)) < 5e-3 * rms(o.replay(drag))
+    # Sampled twice as often it leaves less than half.
+    twice = Observation(run(HEALTHY, np.repeat(command, 2), sample_time=5e-4, substeps=25), 100.0)
+    assert 1e-4 < kinks / rms(o.applied(HEALTHY)) < 5e-3
+    assert rms(floor_residual(twice, HEALTHY, None, silent, rng)) < 0.5 * kinks
 
 
 def test_the_bench_of_these_tests_is_a_measurement_set() -> None:
