@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
     {"errors", "parameter", "version"},
-    {"files", "units", "timing", "progress", "figure", "native"},
+    {"files", "units", "timing", "progress", "figure", "tall", "native"},
     {"record", "formats", "effect"},
     {"effects", "dataset", "frf"},
     {"plant", "coordinates"},
