@@ -11,6 +11,7 @@ Importing the package registers its friction plug-in with MuJoCo.
 """
 
 from . import effects
+from . import registration as _registration  # noqa: F401  makes the environments known to Gymnasium
 from .compare import Comparison, compare
 from .dataset import Dataset, load
 from .diagnose import Diagnosis, diagnose

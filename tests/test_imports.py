@@ -9,13 +9,13 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
-    {"errors", "parameter", "version"},
+    {"errors", "parameter", "version", "registration"},
     {"files", "units", "timing", "progress", "figure", "tall", "native"},
     {"record", "formats", "effect"},
     {"effects", "dataset", "frf"},
     {"plant", "coordinates"},
-    {"simulate", "inverse", "noise", "scales", "starts", "engine"},
-    {"fit", "compare"},
+    {"simulate", "inverse", "noise", "scales", "starts", "engine", "tasks"},
+    {"servo", "fit", "compare"},
     {"screen", "remainder"},
     {"diagnose"},
     {"demo", "report"},
@@ -24,7 +24,7 @@ LAYERS = [
     {"__init__", "__main__"},
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
-EDGES = {"env", "control", "view", "cli", "report", "demo"}
+EDGES = {"registration", "env", "control", "view", "cli", "report", "demo"}
 OPTIONAL = {"rerun", "gymnasium", "matplotlib"}
 
 

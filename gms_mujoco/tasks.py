@@ -1,0 +1,240 @@
+"""What an episode of the servo environments is: a friction, a start, a reference, from stated distributions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ModelError, listing
+from .plant import Plant
+
+Array = NDArray[np.float64]
+
+SPLITS = ("train", "test", "held_out_friction")
+N_EPISODES = 64  # of each fixed split
+_STREAM = 20140  # keeps the episodes of the fixed splits the same for everybody
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What is large and small for an axis.
+
+    Attributes:
+        level: friction torque at low speed [N m].
+        breakaway: displacement from rest at which friction reaches 63 % of that [rad].
+        acceleration: that the references stay below [rad/s^2].
+    """
+
+    level: float
+    breakaway: float
+    acceleration: float
+
+
+def scale_of(plant: Plant, resolution: float) -> Scale:
+    """Scales of a plant, from a slow replay of its friction from the virgin state.
+
+    Args:
+        plant: every parameter set.
+        resolution: position of one encoder count [rad]; the break-away is at least 50 of them.
+    """
+    friction = replace(plant.complete(), effects=tuple(e for e in plant.effects if e.kind == "friction"))
+    position = np.geomspace(1e-9, 10.0, 400)
+    speed = np.full(400, 1e-3)
+    torque = np.abs(friction.joint().replay(position / 1e-3, position, speed).torque)
+    assert plant.inertia is not None
+    level, breakaway = float(torque.max()), 0.0
+    if level < 1e-3 * plant.inertia:  # frictionless: what turns it at a pace that suits a servo
+        level = 200 * plant.inertia
+    else:
+        breakaway = float(position[np.argmax(torque >= 0.63 * level)])
+    return Scale(level, max(breakaway, 50 * resolution), 3 * level / plant.inertia)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode.
+
+    Attributes:
+        plant: with the friction of this episode.
+        task: name of the reference.
+        position: where the axis starts, at rest and never moved before [rad].
+        reference: (n, 3) position [rad], velocity [rad/s] and acceleration [rad/s^2] at each sample.
+    """
+
+    plant: Plant
+    task: str
+    position: float
+    reference: Array
+
+
+Moves = Iterator[tuple[float, float, float]]  # distance [rad], duration [s], rest after it [s]
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return low * (high / low) ** float(rng.random())
+
+
+def _micro_steps(rng: np.random.Generator, scale: Scale) -> Moves:
+    while True:
+        side = float(rng.choice((-1, 1)))
+        yield side * scale.breakaway * _log(rng, 0.02, 0.5), _log(rng, 0.01, 0.04), rng.uniform(0.05, 0.15)
+
+
+def _reversals(rng: np.random.Generator, scale: Scale) -> Moves:
+    side = float(rng.choice((-1, 1)))
+    while True:
+        yield side * scale.breakaway * _log(rng, 0.05, 3.0), _log(rng, 0.03, 0.15), 0.0
+        side = -side
+
+
+def _point_to_point(rng: np.random.Generator, scale: Scale) -> Moves:
+    while True:
+        side = float(rng.choice((-1, 1)))
+        yield side * scale.breakaway * _log(rng, 5, 50), rng.uniform(0.1, 0.3), rng.uniform(0.05, 0.15)
+
+
+def _along(moves: Moves, n: int, sample_time: float, most: float) -> Array:
+    """Minimum-jerk moves one after the other; slower ones where they would exceed the acceleration `most`."""
+    out = np.zeros((n, 3))
+    k, start = 0, 0.0
+    while k < n:
+        distance, duration, rest = next(moves)
+        duration = max(duration, math.sqrt(5.78 * abs(distance) / most))
+        m = max(round(duration / sample_time), 2)
+        s = np.arange(m) / m
+        T = m * sample_time
+        curve = np.stack(
+            [
+                start + distance * s**3 * (10 - 15 * s + 6 * s**2),
+                distance / T * 30 * s**2 * (1 - s) ** 2,
+                distance / T**2 * 60 * s * (1 - s) * (1 - 2 * s),
+            ],
+            axis=1,
+        )
+        out[k : k + m] = curve[: n - k]
+        start += distance
+        out[k + m :, 0] = start
+        k += m + round(rest / sample_time)
+    return out
+
+
+def _wave(amplitude: float, frequency: float, n: int, sample_time: float) -> Array:
+    """A (1 - cos): a sine that starts at rest at its turning point."""
+    w = 2 * math.pi * frequency
+    x = w * sample_time * np.arange(n)
+    return amplitude * np.stack([1 - np.cos(x), w * np.sin(x), w**2 * np.cos(x)], axis=1)
+
+
+def _slow_sine(rng: np.random.Generator, scale: Scale, n: int, sample_time: float) -> Array:
+    side = float(rng.choice((-1, 1)))
+    return _wave(side * scale.breakaway * _log(rng, 0.05, 1.0), _log(rng, 1.0, 5.0), n, sample_time)
+
+
+def _quadrants(rng: np.random.Generator, scale: Scale, n: int, sample_time: float) -> Array:
+    amplitude, frequency = scale.breakaway * _log(rng, 5, 30), _log(rng, 1.0, 4.0)
+    frequency = min(frequency, math.sqrt(scale.acceleration / amplitude) / (2 * math.pi))
+    return _wave(float(rng.choice((-1, 1))) * amplitude, frequency, n, sample_time)
+
+
+def _moving(moves: Callable[[np.random.Generator, Scale], Moves]) -> Callable[..., Array]:
+    return lambda rng, scale, n, sample_time: _along(moves(rng, scale), n, sample_time, scale.acceleration)
+
+
+TASKS: dict[str, Callable[[np.random.Generator, Scale, int, float], Array]] = {
+    "micro_steps": _moving(_micro_steps),  # 0.02 to 0.5 of the break-away distance, with rests
+    "slow_sine": _slow_sine,  # 0.1 to 2 break-away distances from turn to turn, 1 to 5 Hz
+    "reversals": _moving(_reversals),  # turning points 0.05 to 3 break-away distances apart, no rest
+    "point_to_point": _moving(_point_to_point),  # 5 to 50 break-away distances, with rests
+    "quadrants": _quadrants,  # sine of 10 to 60 break-away distances from turn to turn, up to 4 Hz
+}
+PRESLIDING = ("micro_steps", "slow_sine", "reversals")
+
+
+def check_tasks(tasks: Sequence[str]) -> tuple[str, ...]:
+    """The names as a tuple; raises ModelError where one does not exist."""
+    names = (tasks,) if isinstance(tasks, str) else tuple(tasks)
+    for name in names:
+        if name not in TASKS:
+            raise ModelError(f"no task is called {name!r}; the tasks are {listing(TASKS)}")
+    if not names:
+        raise ModelError(f"at least one task is needed of {listing(TASKS)}")
+    return names
+
+
+def scatter(plant: Plant, rng: np.random.Generator, spread: float, held_out: bool = False) -> Plant:
+    """The same plant with another friction.
+
+    Levels [N m] of all friction effects take one factor, pre-sliding stiffnesses [N m/rad] another, every other
+    parameter with a unit its own; shares and exponents stay. A factor is log-uniform in [1/spread, spread]; of held-out
+    friction it lies outside: in [spread, spread^2] or [1/spread^2, 1/spread].
+
+    Args:
+        plant: the middle of the distribution.
+        rng: draws the factors.
+        spread: at least 1; with 1 the friction stays as it is.
+        held_out: whether the factors lie outside the range of the training.
+    """
+
+    def factor() -> float:
+        x = float(rng.uniform(-1, 1))
+        return spread ** (x + math.copysign(1, x) if held_out else x)
+
+    common = {"N m": factor(), "N m/rad": factor()}
+    built = []
+    for e in plant.effects:
+        changed = {}
+        for p in e.parameters if e.kind == "friction" else ():
+            if p.unit != "1":
+                f = common[p.unit] if p.unit in common else factor()
+                changed[p.name] = np.clip(np.asarray(e.values[p.name]) * f, p.lower, p.upper)
+        built.append(e.replace(**changed) if changed and spread != 1 else e)
+    return replace(plant, effects=tuple(built))
+
+
+def draw(
+    plant: Plant,
+    scale: Scale,
+    rng: np.random.Generator,
+    n: int,
+    sample_time: float,
+    tasks: Sequence[str],
+    spread: float,
+    split: str = "train",
+    episode: int | None = None,
+) -> Episode:
+    """Draws an episode: of the fixed splits one of `N_EPISODES`, the same for everybody.
+
+    Args:
+        plant: the middle of the distribution of frictions.
+        scale: of that plant; sizes the reference.
+        rng: draws everything, or of the fixed splits which episode it is where `episode` is None.
+        n: samples of the reference.
+        sample_time: [s].
+        tasks: names; each is as likely as the others.
+        spread: of the friction, see `scatter`.
+        split: "train", "test" (other references and frictions of the same distributions) or "held_out_friction"
+            (frictions outside the range of the training).
+        episode: number of the episode in a fixed split, from 0.
+
+    Raises:
+        ModelError: no such split, task or episode.
+    """
+    if split not in SPLITS:
+        raise ModelError(f"split must be one of {listing(SPLITS)}; {split!r} given")
+    if split != "train":
+        number = int(rng.integers(N_EPISODES)) if episode is None else int(episode)
+        if not 0 <= number < N_EPISODES:
+            raise ModelError(f"episode must lie in [0, {N_EPISODES - 1}]; {number} given")
+        rng = np.random.default_rng([_STREAM, SPLITS.index(split), number])
+    elif episode is not None:
+        raise ModelError("the train split has no numbered episodes; seed it, or take another split")
+    scattered = scatter(plant, rng, spread, split == "held_out_friction")
+    position = float(rng.uniform(0, 2 * math.pi)) if plant.kind == "hinge" else 0.0
+    task = tasks[int(rng.integers(len(tasks)))]
+    reference = TASKS[task](rng, scale, n, sample_time)
+    reference[:, 0] += position
+    return Episode(scattered, task, position, reference)

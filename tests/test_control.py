@@ -1,0 +1,124 @@
+"""Controllers follow, and what knows the friction follows better."""
+
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from axes import J
+
+import gms_mujoco as gms
+from gms_mujoco import control
+from gms_mujoco.plant import Plant
+from gms_mujoco.servo import plant_of
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+
+import compensate
+
+H = 1 / 2000
+COUNT = 2 * np.pi / 1e6
+PLANT = plant_of("servo_axis")
+
+
+def observation(**values: float) -> np.ndarray:
+    out = np.zeros(8)
+    for name, value in values.items():
+        out[getattr(control, name.upper())] = value
+    return out
+
+
+def test_the_names_of_an_observation_are_those_of_the_environment():
+    env = gym.make("GmsMujoco/ServoTracking-v0").unwrapped
+    env.reset(seed=0)
+    seen = [env.step(np.array([0.05]))[0] for _ in range(50)][-1]
+    r = env.axes.reference[0]
+    assert seen[control.REFERENCE] == r[50, 0] and seen[control.AHEAD] == r[51, 0]
+    assert seen[control.VELOCITY] == r[50, 1] and seen[control.ACCELERATION] == r[50, 2]
+    assert seen[control.ERROR] == r[50, 0] - seen[control.POSITION]
+    assert seen[control.TORQUE] == pytest.approx(0.05 * env.axes.torque_limit)
+    assert seen[control.SPEED] == pytest.approx(env.axes.velocity()[0])
+
+
+def test_controllers_add():
+    both = control.Feedforward(2.0) + control.CoulombFeedforward(3.0, 1e-9)
+    assert both(observation(acceleration=5.0, velocity=1.0)) == 13.0
+    assert control.Feedforward(2.0, 0.5)(observation(velocity=4.0)) == 2.0
+
+
+def test_pid_has_its_three_poles_at_the_bandwidth():
+    pid = control.PID(J, H, 20.0)
+    w = 2 * np.pi * 20.0
+    np.testing.assert_allclose([pid.d / J, pid.p / J, pid.i / J], [3 * w, 3 * w**2, w**3])
+    assert control.PID(J, H, 20.0)(observation(error=1e-3)) == pytest.approx(1e-3 * (pid.p + pid.i * H))
+    pid = control.PID(J, H, 20.0, limit=1e-6)
+    for _ in range(100):
+        pid(observation(error=1e-3))
+    assert pid.integral == 1e-6
+
+
+def test_a_follower_is_the_replay_step_by_step():
+    t = np.arange(400) * H
+    q = 0.02 * np.sin(2 * np.pi * 5 * t) + 1.0
+    follower = control.Follower(PLANT, H)
+    ahead, torque = [], []
+    for x, after in zip(q, np.append(q[1:], 0), strict=True):
+        torque.append(follower.to(x))
+        ahead.append(follower.ahead(after))
+    assert ahead[:-1] == torque[1:], "looking ahead changes nothing"
+    replay = PLANT.joint().replay(t, q, np.append(0, np.diff(q) / H)).torque
+    np.testing.assert_allclose(torque, replay, atol=1e-9 * np.abs(replay).max())
+
+
+def test_the_feedforward_of_an_identified_plant_is_its_friction_along_the_reference():
+    plant = Plant.axis(J) + gms.effects.Viscous(coefficient=2.0)
+    controller = control.GMSFeedforward(plant, H)
+    controller(observation(reference=0.0, ahead=1e-3))
+    assert controller(observation(reference=1e-3, ahead=4e-3)) == pytest.approx(2.0 * (1e-3 + 3e-3) / H / 2)
+
+
+def test_the_disturbance_observer_finds_a_constant_torque():
+    observer, speed = control.DisturbanceObserver(J, H), 0.0
+    for _ in range(200):
+        torque = observer(observation(speed=speed, torque=1e-3))
+        speed += H * (1e-3 - 4e-3) / J
+    assert torque == pytest.approx(4e-3, rel=1e-3)
+
+
+def test_the_oracle_knows_the_true_torque():
+    env = gym.make("GmsMujoco/ServoTracking-v0").unwrapped
+    env.reset(seed=0)
+    for _ in range(30):
+        env.step(np.array([0.08]))
+    true = env.friction
+    assert control.Oracle(lambda: env.friction)(observation()) == -true > 0
+    forces = gms.friction(env.axes.models[0], env.axes.data[0], "shaft")
+    assert true == pytest.approx(forces.torque, rel=0.1), "that of the last time step, a tenth of a millisecond before"
+
+
+def test_looking_at_the_true_friction_changes_nothing():
+    runs = []
+    for look in (False, True):
+        env = gym.make("GmsMujoco/ServoTracking-v0").unwrapped
+        env.reset(seed=0)
+        for _ in range(50):
+            env.step(np.array([0.1]))
+            assert not look or env.friction < 0
+        runs.append(env.axes.position[0])
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize("task", ["slow_sine", "reversals"])
+def test_the_gms_observer_beats_plain_feedforward_fivefold_and_nears_the_oracle(task):
+    plain, observer, oracle = (
+        compensate.errors(compensate.CONTROLLERS[name], task, 1.0, 2, steps=800).mean() / COUNT
+        for name in ("PID + feedforward", "PID + GMS observer", "oracle")
+    )
+    assert observer < plain / 5, f"{observer:.2f} and {plain:.2f} counts"
+    assert observer < 1.5 * oracle, f"{observer:.2f} and {oracle:.2f} counts"
+
+
+def test_every_controller_of_the_example_follows_with_a_model_that_is_off():
+    for name, make in compensate.CONTROLLERS.items():
+        assert compensate.errors(make, "reversals", 1.2, 1, steps=300)[0] < 100 * COUNT, name

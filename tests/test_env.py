@@ -1,0 +1,299 @@
+"""The servo environments keep Gymnasium's contract and their own: bit-equal, reproducible, restorable."""
+
+import math
+import os
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from axes import J
+from gymnasium.utils.env_checker import check_env
+
+import gms_mujoco as gms
+from gms_mujoco import env as environments
+from gms_mujoco.errors import ModelError
+from gms_mujoco.plant import Plant
+from gms_mujoco.servo import MODELS, Axes
+from gms_mujoco.tasks import N_EPISODES, TASKS, Scale, draw, scale_of, scatter
+
+IDS = ("GmsMujoco/ServoTracking-v0", "GmsMujoco/ServoExcitation-v0")
+COUNT = 2 * math.pi / 1e6
+
+
+def actions(n: int, steps: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-0.3, 0.3, (steps, n, 1)).astype(np.float32)
+
+
+def play(env, moves):
+    return [env.step(a) for a in moves]
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_check_env_has_nothing_to_say(id):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(id)
+        check_env(env.unwrapped, skip_render_check=True)
+        env.close()
+
+
+@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize("n", [1, 3])
+def test_the_vector_environment_is_the_single_one_to_the_last_bit_over_episodes(id, n):
+    options = {"num_envs": n, "episode_steps": 60}
+    ours, theirs = gym.make_vec(id, **options), gym.make_vec(id, vectorization_mode="sync", **options)
+    assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"]
+    assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
+    rows = [[env.reset(seed=7), *play(env, actions(n, 150))] for env in (ours, theirs)]
+    for a, b in zip(*rows, strict=True):
+        for x, y in zip(a[:-1], b[:-1], strict=True):
+            np.testing.assert_array_equal(x, y)
+            assert x.dtype == y.dtype
+        for key in b[-1]:
+            np.testing.assert_array_equal(a[-1][key], b[-1][key])
+    assert sum(r[3].sum() for r in rows[0][1:]) == 2 * n, "two episodes ended by time"
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_state_restores_physics_friction_task_and_random_numbers(id):
+    env, other = (gym.make(id, episode_steps=80).unwrapped for _ in range(2))
+    env.reset(seed=3)
+    moves = actions(1, 120)[:, 0]
+    play(env, moves[:40])
+    kept = env.get_state()
+
+    def onward(e):
+        return [*play(e, moves[40:]), e.reset(), *play(e, moves[:5])]
+
+    first = onward(env)
+    env.set_state(kept)
+    other.set_state(kept)
+    for e in (env, other):
+        for a, b in zip(first, onward(e), strict=True):
+            np.testing.assert_array_equal(a[0], b[0])
+            assert a[1:] == b[1:]
+
+
+def test_a_vector_state_restores_too():
+    env = gym.make_vec(IDS[0], num_envs=2, episode_steps=30).unwrapped
+    env.reset(seed=1)
+    moves = actions(2, 80)
+    play(env, moves[:29])
+    kept = env.get_state()
+    first = play(env, moves[29:])
+    env.set_state(kept)
+    for a, b in zip(first, play(env, moves[29:]), strict=True):
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+def test_a_state_holds_the_forces_of_the_elements():
+    """In pre-sliding the friction remembers where the axis came from: the same place, another torque."""
+    axes = Axes(spread=1.0)
+    axes.reset(0, np.random.default_rng(0))
+    for _ in range(40):
+        axes.step(np.array([0.05]))
+    assert abs(axes.friction()) > 0.1 * axes.scale.level
+    fresh = Axes(spread=1.0)
+    fresh.set_state(0, axes.get_state(0))
+    assert fresh.friction() == axes.friction()
+
+
+def test_seeds_repeat_and_differ():
+    env = gym.make(IDS[0])
+    a, b, c = (env.reset(seed=s)[0] for s in (4, 4, 5))
+    np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(a, c)
+
+
+def test_a_step_is_one_held_sample_of_the_plug_in_on_a_bare_axis():
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    env = gym.make(IDS[1], plant=plant, spread=1.0).unwrapped
+    env.reset(seed=0)
+    moves = actions(1, 100)[:, 0]
+    true = [r[4]["position"] for r in play(env, moves)]
+    start = env.axes.start[0]
+    torque = np.repeat(np.append(moves, 0).astype(float) * env.axes.torque_limit, 5)
+    motion = plant.joint().simulate(J, 1e-4, torque, position=start)
+    np.testing.assert_array_equal(true, motion.position[5:501:5])
+
+
+def test_the_encoder_reads_whole_counts_and_the_drive_has_a_limit():
+    env = gym.make(IDS[0], torque_limit=0.02).unwrapped
+    env.reset(seed=0)
+    for a in (5.0, -5.0, 0.25):
+        observation, *_, info = env.step(np.array([a]))
+        counts = observation[0] / COUNT
+        assert abs(counts - round(counts)) < 1e-6 and abs(observation[0] - info["position"]) <= 0.501 * COUNT
+        assert observation[7] == 0.02 * np.clip(a, -1, 1)
+
+
+def test_observations_are_what_the_documentation_says():
+    env = gym.make(IDS[0]).unwrapped
+    old, _ = env.reset(seed=2)
+    reference = env.axes.reference[0]
+    assert old[0] == pytest.approx(old[1], abs=1e-12) and old[5] == 0 and old[6] == 0
+    new, reward, *_, info = env.step(np.array([0.1]))
+    np.testing.assert_array_equal(new[1:4], reference[1])
+    assert new[4] == reference[2, 0] and old[4] == new[1]
+    assert new[5] == new[1] - new[0] and new[6] == pytest.approx((new[0] - old[0]) * 2000)
+    w = env.task.error_scale
+    assert info["error"] == new[1] - info["position"] and reward == w / (w + abs(info["error"]))
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_running_away_terminates(id):
+    env = gym.make(id)
+    env.reset(seed=0)
+    for _ in range(1500):
+        _, _, terminated, truncated, _ = env.step(np.array([1.0]))
+        if terminated:
+            break
+    assert terminated and not truncated
+
+
+def test_fixed_splits_are_the_same_for_everybody_and_held_out_friction_lies_outside():
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    nominal = plant["gms"].coulomb
+    for split in ("test", "held_out_friction"):
+        env = gym.make(IDS[0], split=split).unwrapped
+        first, _ = env.reset(seed=0, options={"episode": 5})
+        again, _ = env.reset(seed=99, options={"episode": 5})
+        np.testing.assert_array_equal(first, again)
+    factors = {}
+    for split in ("train", "test", "held_out_friction"):
+        axes = Axes(split=split)
+        drawn = [axes._draw(np.random.default_rng(i), None).plant["gms"] for i in range(40)]
+        factors[split] = np.array([abs(np.log(g.coulomb / nominal)) / np.log(1.4) for g in drawn])
+        assert np.allclose([g.static / g.coulomb for g in drawn], plant["gms"].static / nominal)
+    assert factors["train"].max() <= 1 and factors["test"].max() <= 1
+    assert factors["held_out_friction"].min() >= 1 and factors["held_out_friction"].max() <= 2
+    envs = gym.make_vec(IDS[0], num_envs=3, split="test")
+    o, _ = envs.reset(options={"episode": [5, 6, 5]})
+    np.testing.assert_array_equal(o[0], o[2])
+
+
+def test_spread_of_one_keeps_the_friction():
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    assert scatter(plant, np.random.default_rng(0), 1.0) == plant
+    assert scatter(plant, np.random.default_rng(0), 1.2) != plant
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_references_are_smooth_start_at_rest_and_stay_in_their_range(task):
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    scale = scale_of(plant, COUNT)
+    h = 5e-4
+    for seed in range(8):
+        r = draw(plant, scale, np.random.default_rng(seed), 1002, h, (task,), 1.4).reference
+        assert r.shape == (1002, 3) and r[0, 1] == 0
+        assert np.abs(r[:, 2]).max() <= 1.001 * scale.acceleration
+        np.testing.assert_allclose(np.diff(r[:, 0]), h * (r[1:, 1] + r[:-1, 1]) / 2, atol=1e-3 * np.ptp(r[:, 0]))
+        if task == "slow_sine":
+            assert 0.09 < np.ptp(r[:, 0]) / scale.breakaway < 2.01
+
+
+def test_scales_come_from_the_friction():
+    plant = Plant.axis(J) + gms.effects.Coulomb(coulomb=4e-3) + gms.effects.Cogging(harmonics=[8], amplitude=[1.0])
+    assert scale_of(plant, COUNT) == Scale(4e-3, 50 * COUNT, pytest.approx(3 * 4e-3 / J))
+    assert scale_of(Plant.axis(J), COUNT).level > 0
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        Plant.axis(0.5, kind="slide") + gms.effects.Coulomb(coulomb=2.0),
+        Plant.axis(J) + gms.effects.Viscous(coefficient=1e-4),
+        Plant.axis(J) + gms.effects.FlexibleCoupling(inertia=1e-5, frequency=80.0) + gms.effects.Coulomb(coulomb=4e-3),
+        Plant.axis(J) + gms.effects.EncoderEccentricity(amplitude=1e-3) + gms.effects.Coulomb(coulomb=4e-3),
+    ],
+    ids=["slide", "viscous", "coupling", "eccentric"],
+)
+def test_any_plant_runs(plant):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for id in IDS:
+            env = gym.make(id, plant=plant)
+            observation, _ = env.reset(seed=0)
+            for a in actions(1, 20)[:, 0]:
+                observation, reward, *_ = env.step(a)
+            assert observation in env.observation_space and math.isfinite(reward)
+
+
+def test_a_plant_may_be_a_file(tmp_path):
+    plant = Plant.axis(J) + gms.effects.Coulomb(coulomb=4e-3)
+    plant.save(tmp_path / "model.toml")
+    assert gym.make(IDS[0], plant=tmp_path / "model.toml").unwrapped.axes.plant == plant
+    assert gym.make(IDS[0], plant=str(tmp_path / "model.toml")).unwrapped.axes.plant == plant
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"plant": "no_such.toml"}, "no such file"),
+        ({"plant": Plant.axis(J) + gms.effects.GMS(elements=2)}, "no value yet"),
+        ({"tasks": ["waltz"]}, "no task is called 'waltz'; the tasks are micro_steps"),
+        ({"tasks": []}, "at least one task"),
+        ({"split": "exam"}, "split must be one of held_out_friction, test, train"),
+        ({"spread": 0.5}, "spread must be at least 1"),
+        ({"substeps": 0}, "substeps must be positive"),
+        ({"torque_limit": -1}, "torque_limit must be positive"),
+        ({"render_mode": "ascii"}, "render_mode must be one of human, rgb_array"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*render_mode")
+def test_wrong_arguments_are_refused_in_one_line(options, message):
+    with pytest.raises(ModelError, match=message) as error:
+        environments.ServoTracking(**options)
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_options_of_reset_are_refused():
+    env = environments.ServoTracking(split="test")
+    for options, message in (
+        ({"seed": 1}, "no option 'seed'; its options are episode"),
+        ({"episode": N_EPISODES}, r"must lie in \[0, 63\]"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            env.reset(options=options)
+    with pytest.raises(ModelError, match="no numbered episodes"):
+        environments.ServoTracking().reset(options={"episode": 1})
+    with pytest.raises(ModelError, match="reset the environment first"):
+        environments.ServoTracking().get_state()
+
+
+def test_information_is_the_log_determinant_of_what_the_motion_tells():
+    env = environments.ServoExcitation(spread=1.0)
+    env.reset(seed=0)
+    total, rows, task = 0.0, [], env.task
+    for a in actions(1, 80)[:, 0]:
+        before = task.at.copy(), task.speed.copy()
+        _, reward, *_ = env.step(a)
+        total += reward
+        speed = (task.at - before[0]) * 2000
+        acceleration = (speed - before[1]) * 2000 / env.axes.scale.acceleration
+        rows.append([*(task.stops[0] / task.widths), speed[0] / 10, acceleration[0]])
+    sign, logdet = np.linalg.slogdet(np.eye(10) + np.array(rows).T @ np.array(rows))
+    assert sign == 1 and total == pytest.approx(logdet, rel=1e-6)
+
+
+def test_moving_tells_more_than_standing():
+    env = environments.ServoExcitation()
+    gains = []
+    for size in (0.0, 0.5):
+        env.reset(seed=0)
+        gains.append(sum(r[1] for r in play(env, size * actions(1, 200)[:, 0])))
+    assert gains[1] > gains[0] + 1
+
+
+@pytest.mark.skipif(os.environ.get("MUJOCO_GL") not in ("egl", "osmesa"), reason="set MUJOCO_GL=egl or osmesa to draw")
+def test_a_picture_shows_the_axis_turn():
+    env = gym.make(IDS[0], render_mode="rgb_array").unwrapped
+    env.reset(seed=0)
+    first = env.render()
+    assert first.shape == (480, 480, 3) and first.dtype == np.uint8 and first.std() > 5
+    env.axes.position[0] += 1.0
+    assert not np.array_equal(first, env.render())
+    env.close()
+    env.close()
