@@ -46,6 +46,9 @@ CONTROLLERS: dict[str, Make] = {
     "PID + disturbance observer": lambda env: plain() + control.DisturbanceObserver(PLANT.inertia, H),
     "PID + GMS feedforward": lambda env: plain() + control.GMSFeedforward(PLANT, H),
     "PID + GMS observer": lambda env: plain() + control.GMSObserver(PLANT, H),
+    "PID + GMS and disturbance observers": lambda env: (
+        plain() + control.DisturbanceObserver(PLANT.inertia, H, known=control.GMSObserver(PLANT, H))
+    ),
     "oracle": lambda env: plain() + control.Oracle(lambda: env.unwrapped.friction),
 }
 

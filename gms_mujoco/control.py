@@ -173,17 +173,21 @@ class GMSObserver(Controller):
 class DisturbanceObserver(Controller):
     """Torque against all that a bare inertia does not explain, by its momentum: model-free compensation.
 
-    The estimate d follows  d' = L (dp/dt - torque - d)  with p the measured momentum, in the form that needs no
-    derivative.
+    The estimate d follows  d' = L (dp/dt - torque - d)  with p the measured momentum.
 
     Args:
         inertia: [kg m^2].
         sample_time: [s].
         bandwidth: L of the estimate [Hz].
+        known: a controller against a part that a model explains, such as `GMSObserver`: the estimate is of the rest,
+            and the torque is of both.
     """
 
-    def __init__(self, inertia: float, sample_time: float, bandwidth: float = 60.0) -> None:
-        self.inertia, self.sample_time = inertia, sample_time
+    def __init__(
+        self, inertia: float, sample_time: float, bandwidth: float = 60.0, known: Controller | None = None
+    ) -> None:
+        self.inertia, self.sample_time, self.known = inertia, sample_time, known
+        self.against = 0.0  # torque against the known part in the last sample
         self.rate = 1 - math.exp(-2 * math.pi * bandwidth * sample_time)
         self.momentum: float | None = None
         self.estimate = 0.0
@@ -192,9 +196,11 @@ class DisturbanceObserver(Controller):
         momentum = self.inertia * float(observation[SPEED])
         if self.momentum is not None:
             found = (momentum - self.momentum) / self.sample_time - float(observation[TORQUE])
-            self.estimate += self.rate * (found - self.estimate)
+            self.estimate += self.rate * (found + self.against - self.estimate)
         self.momentum = momentum
-        return -self.estimate
+        if self.known is not None:
+            self.against = self.known(observation)
+        return self.against - self.estimate
 
 
 class Oracle(Controller):

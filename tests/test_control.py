@@ -86,6 +86,17 @@ def test_the_disturbance_observer_finds_a_constant_torque():
     assert torque == pytest.approx(4e-3, rel=1e-3)
 
 
+def test_beside_a_model_the_disturbance_observer_finds_the_rest():
+    known = control.CoulombFeedforward(3e-3, 1e-9)
+    observer, speed, torque = control.DisturbanceObserver(J, H, known=known), 0.0, 0.0
+    for _ in range(200):
+        command = observer(observation(speed=speed, velocity=1.0, torque=torque))
+        torque = command
+        speed += H * (torque - 4e-3) / J
+    assert command == pytest.approx(4e-3, rel=1e-3)
+    assert observer.estimate == pytest.approx(-1e-3, rel=1e-2)
+
+
 def test_the_oracle_knows_the_true_torque():
     env = gym.make("GmsMujoco/ServoTracking-v0").unwrapped
     env.reset(seed=0)
