@@ -39,7 +39,8 @@ class Tracking:
         self.axes = axes
         self.error_scale = max(axes.scale.breakaway / 50, 2 * axes.resolution)
         self.most = 100 * axes.scale.breakaway
-        reach = 4 * math.pi + 1e3 * axes.scale.breakaway
+        seconds = axes.episode_steps * axes.sample_time  # a reference goes on by up to 50 break-aways in 0.15 s
+        reach = 4 * math.pi + (200 + 400 * seconds) * axes.scale.breakaway
         a = 100 * axes.scale.acceleration
         self.bounds = np.array([reach, reach, _FASTEST, a, reach, 2 * self.most, _FASTEST, axes.torque_limit])
 

@@ -162,6 +162,8 @@ class Axes:
             action: (n,) torque over its limit, held for the sample; clipped to [-1, 1].
             skip: (n,) axes that stand still.
         """
+        # Not a mujoco.batch.Batch: it makes the plug-ins of all its simulations from one model, so that they would all
+        # have one friction. On one thread this loop is as fast.
         torque = np.clip(np.asarray(action, float), -1.0, 1.0) * self.torque_limit
         position, step = self.position, mujoco.mj_step
         for i, (model, data) in enumerate(zip(self.models, self.data, strict=True)):

@@ -2,6 +2,7 @@
 
 import math
 import os
+import pickle
 import warnings
 
 import gymnasium as gym
@@ -140,6 +141,15 @@ def test_observations_are_what_the_documentation_says():
     assert new[5] == new[1] - new[0] and new[6] == pytest.approx((new[0] - old[0]) * 2000)
     w = env.task.error_scale
     assert info["error"] == new[1] - info["position"] and reward == w / (w + abs(info["error"]))
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("rate", [2000, 100])
+def test_what_is_observed_of_the_reference_is_never_clipped(task, rate):
+    env = environments.ServoTracking(tasks=task, episode_steps=30 * rate, rate=rate, substeps=2000 // rate)
+    for seed in range(3):
+        env.reset(seed=seed)
+        assert (np.abs(env.axes.reference[0]).max(axis=0) < env.task.bounds[1:4]).all()
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -285,6 +295,43 @@ def test_moving_tells_more_than_standing():
         env.reset(seed=0)
         gains.append(sum(r[1] for r in play(env, size * actions(1, 200)[:, 0])))
     assert gains[1] > gains[0] + 1
+
+
+def test_a_window_is_drawn_at_its_rate_and_closed(monkeypatch):
+    viewer = pytest.importorskip("mujoco.viewer")
+    shown, closed = [], []
+
+    class Window:
+        def __init__(self, model, data):
+            self.data = data
+
+        def sync(self):
+            shown.append(self.data.qpos[0])
+
+        def close(self):
+            closed.append(True)
+
+    monkeypatch.setattr(viewer, "launch_passive", Window)
+    env = gym.make(IDS[0], render_mode="human").unwrapped
+    env.reset(seed=0)
+    for _ in range(200):
+        env.step(np.array([0.1]))
+    assert len(shown) == 1 + 5 and shown[-1] == env.axes.position[0] and not closed
+    env.close()
+    assert closed == [True]
+
+
+def test_a_state_can_be_kept_in_a_file():
+    env = environments.ServoExcitation()
+    env.reset(seed=0)
+    moves = actions(1, 40)[:, 0]
+    play(env, moves[:20])
+    kept = pickle.loads(pickle.dumps(env.get_state()))
+    first = play(env, moves[20:])
+    other = environments.ServoExcitation()
+    other.set_state(kept)
+    for a, b in zip(first, play(other, moves[20:]), strict=True):
+        np.testing.assert_array_equal(a[0], b[0])
 
 
 @pytest.mark.skipif(os.environ.get("MUJOCO_GL") not in ("egl", "osmesa"), reason="set MUJOCO_GL=egl or osmesa to draw")
