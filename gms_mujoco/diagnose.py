@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 
 MOST_EFFECTS = 4  # added in a row
 FALSE_DISCOVERY_RATE = 0.01
-LEAST_GAIN = 0.05  # of the squared error on held-out blocks: less is not worth an effect
-AT_FLOOR = 1.3  # times the noise floor: as good as the sensors, whose noise is known no better
+LEAST_GAIN = 0.2  # of the squared error on held-out blocks (a tenth of the error): less is not worth an effect
+AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
 NOTHING_LEFT = 1.1  # times the noise floor: below it there is nothing that an effect could explain
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _FINALISTS = 2  # of them, fitted to the end
@@ -230,9 +230,7 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
 
 def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: _Search) -> Diagnosis:
     last = steps[-1].result
-    # The verdict, unlike the choices before it, is a statement about data that nobody has looked at.
-    reached = steps[-1].validate_error
-    at_floor = search.error <= AT_FLOOR * last.floor if reached is None else reached <= AT_FLOOR * floor
+    at_floor = search.error <= AT_FLOOR * last.floor
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = "" if at_floor else describe(last.misfit, last.vector)

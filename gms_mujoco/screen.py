@@ -335,6 +335,10 @@ _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 
 
 def applicable(plant: Plant) -> list[type[Effect]]:
-    """The effects of the catalogue that could be added to a plant: not there yet, and not contained in its friction."""
+    """The effects of the catalogue that could be added to a plant.
+
+    Not those that it has, not those contained in its friction, and on a slide joint none that counts revolutions.
+    """
     contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
-    return [e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained]
+    out = {name: e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained}
+    return [e for e in out.values() if plant.kind == "hinge" or not has_phase(e)]
