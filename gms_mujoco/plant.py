@@ -103,11 +103,11 @@ class Plant:
         return out
 
     def table(self, effect: str) -> dict[str, dict[str, object]]:
-        """The identified parameters of one effect, as `diagnosis.json` shows them."""
+        """The parameters of one effect, as `diagnosis.json` shows them; no interval where none was identified."""
         return {
-            name: {"value": value, "unit": unit, "ci95": list(self.uncertainty[name])}
+            name: {"value": value, "unit": unit, "ci95": list(ci) if (ci := self.uncertainty.get(name)) else None}
             for name, (value, unit) in self.numbers().items()
-            if name.startswith(f"{effect}.") and name in self.uncertainty
+            if name.startswith(f"{effect}.")
         }
 
     @property
