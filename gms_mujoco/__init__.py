@@ -13,12 +13,14 @@ Importing the package registers its friction plug-in with MuJoCo.
 from . import effects
 from . import registration as _registration  # noqa: F401  makes the environments known to Gymnasium
 from .compare import Comparison, compare
+from .dahl_resonance import DahlReading, identify_dahl
 from .dataset import Dataset, load
 from .diagnose import Diagnosis, diagnose
 from .effect import Effect
 from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
 from .fit import FitResult, baseline, fit
+from .frf import FRF, estimate_frf
 from .parameter import Parameter
 from .plant import Plant
 from .record import Record
@@ -26,7 +28,9 @@ from .simulate import simulate
 from .version import __version__
 
 __all__ = [
+    "FRF",
     "Comparison",
+    "DahlReading",
     "DataError",
     "Dataset",
     "Diagnosis",
@@ -44,8 +48,10 @@ __all__ = [
     "compare",
     "diagnose",
     "effects",
+    "estimate_frf",
     "fit",
     "friction",
+    "identify_dahl",
     "install_callback",
     "load",
     "remove_callback",

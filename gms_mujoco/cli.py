@@ -1,4 +1,4 @@
-"""The command line: `gms-mujoco demo | fit | compare | diagnose | attach | view`.
+"""The command line: `gms-mujoco demo | fit | compare | diagnose | frf | attach | view`.
 
 Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key, and what was expected),
 130 interrupted. Files are written whole or not at all.
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from . import effects, files
 from .dataset import Dataset, load
-from .errors import GmsError, ModelError
+from .errors import DataError, GmsError, ModelError
 from .plant import Plant
 from .progress import Bar
 from .record import USES
@@ -36,8 +36,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     warnings.showwarning = _say_warning
     try:
-        if arguments[:1] == ["frf"]:
-            raise GmsError("the command frf is not built yet; this version works on records in time")
         options = _parser().parse_args(arguments)
         options.run(options)
         sys.stdout.flush()
@@ -110,6 +108,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("-o", "--output", required=True, metavar="DIR",
                      help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
     sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
+
+    sub = command("frf", _frf, "estimate frequency responses, and read friction from the Dahl resonance",
+                  "frf measurements/ -o responses.csv")
+    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    sub.add_argument("-o", "--output", metavar="FILE.csv", help="write every response to this file")
+    sub.add_argument("--period", type=float, metavar="SECONDS", help="of the excitation (default: found in the torque)")
+    sub.add_argument("--segment", type=float, metavar="SECONDS",
+                     help="for excitation without period: length of the averaged segments")
 
     sub = command("attach", _attach, "put the effects of a plant on joints of a MuJoCo model",
                   "attach model.toml robot.xml --joint elbow -o robot_with_friction.xml")
@@ -192,6 +198,45 @@ def _diagnose(options: argparse.Namespace) -> None:
     _say_results(folder)
 
 
+def _frf(options: argparse.Namespace) -> None:
+    from .dahl_resonance import find_resonance, identify_dahl
+    from .frf import estimate_frf, to_csv
+
+    output = files.expect_writable(options.output) if options.output else None
+    for key in ("period", "segment"):
+        if getattr(options, key) is not None and not 0 < getattr(options, key) < math.inf:
+            raise DataError(f"--{key} must be a positive number of seconds; {getattr(options, key):g} given")
+    runs = _load(options.dataset, records=False)
+    found = list(runs.frfs)
+    for record in runs.records:
+        try:
+            found.append(estimate_frf(record, period=options.period, segment=options.segment))
+        except DataError as error:
+            print(f"{PROGRAM}: warning: left out: {error}", file=sys.stderr)
+    if not found:
+        raise DataError(f"{options.dataset}: no record gives a frequency response")
+    if output:
+        files.write_text(output, to_csv(found))
+    unit = "rad" if runs.kind == "hinge" else "m"
+    print(f"{'response':28} {'points':>6} {'from [Hz]':>10} {'to [Hz]':>10} {'amplitude [' + unit + ']':>22} "
+          f"{'resonance [Hz]':>14} {'coherence':>9}")
+    for f in found:
+        resonance, size = None, "unknown"
+        if f.amplitude is not None:
+            size = f"{f.amplitude.min():.3g} to {f.amplitude.max():.3g}"
+            resonance = find_resonance(f) if f.input in ("torque", "load") else None
+        tuned = "none" if resonance is None else f"{resonance.frequency:.4g}"
+        coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
+        print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
+              f"{coherence:>9}")
+    try:
+        print(identify_dahl([f for f in found if f.use == "fit"], runs.inertia, kind=runs.kind))
+    except DataError as error:
+        print(f"no friction read from the resonance: {error}")
+    if output:
+        print(f"wrote {output}")
+
+
 def _attach(options: argparse.Namespace) -> None:
     from .engine import attach
 
@@ -220,8 +265,10 @@ def _view(options: argparse.Namespace) -> None:
 # What the commands share.
 
 
-def _load(path: str) -> Dataset:
+def _load(path: str, records: bool = True) -> Dataset:
     runs = load(path)
+    if records and not runs.records:
+        raise DataError(f"{path}: only frequency responses, no [[record]]; {PROGRAM} frf reads them")
     for line in (runs.split, *runs.notes):
         print(line, file=sys.stderr)
     return runs

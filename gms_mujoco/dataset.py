@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import files, formats, timing, units
+from . import files, formats, frf_table, timing, units
 from .errors import DataError, listing
+from .frf import FRF, INPUTS, response_unit
 from .record import UNITS, USES, Record
 
 Array = NDArray[np.float64]
@@ -45,6 +46,7 @@ class Dataset:
         torque_constant: [N m/A], None where not given.
         split: a sentence: which records fit, select and validate, and who decided it.
         notes: what was done to the data or left unread, one sentence each.
+        frfs: frequency responses, each with its use.
     """
 
     path: Path
@@ -54,6 +56,7 @@ class Dataset:
     torque_constant: float | None = None
     split: str = ""
     notes: tuple[str, ...] = ()
+    frfs: tuple[FRF, ...] = ()
 
     @property
     def fit(self) -> tuple[Record, ...]:
@@ -90,20 +93,25 @@ def load(path: str | Path) -> Dataset:
         _known(table, ("axis", "record", "frf"), "")
         axis = _Axis(_sub(table, "axis"))
         entries = _list(table, "record")
-        notes = [_frf(i, e, bool(entries)) for i, e in enumerate(_list(table, "frf"), 1)]
-        if not entries:
-            raise DataError("no [[record]]; a measurement set needs at least one")
+        frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(_list(table, "frf"), 1))
+        if not entries and not frfs:
+            raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one")
+        notes = frf_table.listed(frfs)
         records = []
         for i, entry in enumerate(entries, 1):
             record, note = _record(f"record {i}", entry, file.parent, axis)
             records.append(record)
             notes += [f"{record.name}: {note}"] if note else []
-        if not any(r.torque.any() for r in records):
+        if entries and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
-        records, split = _split(records, [e.get("use") for e in entries])
+        records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
+        if frfs:
+            split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}")))
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
-    return Dataset(file.parent, tuple(records), axis.kind, axis.inertia, axis.torque_constant, split, tuple(notes))
+    return Dataset(
+        file.parent, tuple(records), axis.kind, axis.inertia, axis.torque_constant, split, tuple(notes), frfs
+    )
 
 
 def save(
@@ -290,11 +298,45 @@ def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
     return records, f"records: {', '.join(counts)} ({given})"
 
 
-def _frf(i: int, entry: Mapping[str, Any], has_records: bool) -> str:
-    _known(entry, _KEYS["frf"], f"frf {i}: ")
-    if not has_records:
-        raise DataError(f"frf {i} ({entry.get('file')}): frequency responses are not read yet; give a [[record]]")
-    return f"frf {i} ({entry.get('file')}): frequency responses are not read yet, left out"
+def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: _Axis) -> FRF:
+    key = f"frf {i}"
+    _known(entry, _KEYS["frf"], f"{key}: ")
+    name = entry.get("file")
+    if not isinstance(name, str) or not name:
+        raise DataError(f"{key}: file must be the name of a file; {name!r} given")
+    try:
+        use = entry.get("use", "fit")
+        if use not in USES:
+            raise DataError(f"use must be one of {listing(USES)}; {use!r} given")
+        for side, example in (("input", "torque"), ("output", "position")):
+            if not isinstance(entry.get(side), str):
+                raise DataError(f'{side} must be given, as in {side} = "{example}"; {entry.get(side)!r} given')
+        # A current is turned into torque; then the amplitude is one of torque already.
+        source, constant = entry["input"], 1.0
+        if source == "current":
+            if axis.torque_constant is None:
+                raise DataError("the input is current, not torque: axis.torque_constant [N m/A] is needed")
+            constant = axis.torque_constant
+        drive = INPUTS.get(source, "")
+        amplitude = _number(entry, "amplitude", "", drive if axis.kind == "hinge" else drive.replace("N m", "N"))
+        scale = _number(entry, "scale", "", "SI per raw number")
+        if not os.path.isfile(folder / name):
+            raise DataError(f"no such file: {name}")
+        found = frf_table.from_table(
+            formats.read(folder / name), Path(name).name, source, entry["output"],
+            columns=_sub(entry, "columns"), unit=_sub(entry, "units"), scale=1.0 if scale is None else scale,
+            amplitude=amplitude, kind=axis.kind, count=axis.resolution, use=use,
+        )  # fmt: skip
+        if source == "current":
+            excitation = None if found.excitation is None else found.excitation * abs(constant)
+            sigma = None if found.sigma is None else found.sigma / abs(constant)
+            unit = response_unit("torque", found.output, axis.kind)
+            found = replace(
+                found, response=found.response / constant, input="torque", unit=unit, excitation=excitation, sigma=sigma
+            )
+    except DataError as error:
+        raise DataError(f"{key} ({name}): {error}") from None
+    return found
 
 
 def _toml(file: Path) -> dict[str, Any]:

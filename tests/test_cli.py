@@ -9,11 +9,14 @@ import tomllib
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 
-from gms_mujoco import cli
+from gms_mujoco import cli, effects
+from gms_mujoco.dataset import save
 from gms_mujoco.plant import Plant
 from gms_mujoco.progress import Bar
+from gms_mujoco.simulate import multisine, simulate
 
 ROBOT = """<mujoco><worldbody><body>
   <joint name="elbow" axis="0 1 0"/><geom size="0.1"/>
@@ -160,12 +163,39 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
 
 
 def test_commands_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    refuses(capsys, "frf", "not built yet", argv=["frf", "measurements"])
     for argv in (["explain"], [], ["fit"], ["fit", "a", "-o", "b", "--speed"]):
         with pytest.raises(SystemExit) as caught:
             cli.main(argv)
         err = capsys.readouterr().err
         assert caught.value.code == 2 and err.count("\n") == 1 and "--help" in err
+
+
+def test_frf_prints_resonances_and_reads_friction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plant = Plant.axis(2.4e-5) + effects.find("gms")(
+        stiffness=[1.0, 0.5], fraction=[0.5, 0.5], coulomb=4e-3, static=4e-3, stribeck_velocity=1.0, attraction=1.0
+    )
+    records = []
+    for i, rms in enumerate((3e-4, 1e-3, 2e-3)):
+        wave = multisine(2000, 5e-4, 4, 400, rms, np.random.default_rng(i), lines=40)
+        records.append(simulate(plant, np.tile(wave, 4), 5e-4, name=f"level_{i}", use="fit"))
+    save(tmp_path / "set", records, inertia=2.4e-5)
+    out = tmp_path / "out.csv"
+    assert cli.main(["frf", str(tmp_path / "set"), "-o", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "level_0.csv" in printed and "resonance [Hz]" in printed and "elements, stiffness" in printed
+    assert out.read_text().count("\n") > 100 and "frequency [Hz]" in out.read_text()
+
+
+def test_frf_of_a_folder_with_responses_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text("f [Hz],real,imag\n1,2.0,-0.5\n2,1.0,-0.5\n30,-0.1,-0.01\n")
+    entry = '[[frf]]\nfile = "a.csv"\ninput = "torque"\noutput = "position"\n'
+    (tmp_path / "dataset.toml").write_text(entry)
+    assert cli.main(["frf", str(tmp_path)]) == 0
+    assert "amplitude of the excitation is not known" in capsys.readouterr().out
+    refuses(capsys, "only frequency responses", argv=["fit", tmp_path, "-o", tmp_path / "m.toml"])
+    refuses(capsys, "nowhere", argv=["frf", tmp_path, "-o", tmp_path / "nowhere" / "a.csv"])
+    refuses(capsys, "--period", argv=["frf", tmp_path, "--period", "-1"])
+    refuses(capsys, "no such file or folder", argv=["frf", tmp_path / "none"])
 
 
 def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

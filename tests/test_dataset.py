@@ -121,10 +121,13 @@ def test_an_optional_column_is_read_unless_it_is_left_out(tmp_path: Path) -> Non
     refuses(tmp_path, text + "columns = { torque = false }\n", "columns.torque", **raw)
 
 
-def test_frf_beside_records_is_left_out_and_said(tmp_path: Path) -> None:
-    frf = '[[frf]]\nfile = "level.uff"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
-    assert "level.uff" in dataset(tmp_path, AXIS + RECORD + frf).notes[0]
-    refuses(tmp_path, AXIS + frf, "level.uff", "not read yet")
+def test_frequency_responses_come_beside_records_or_alone(tmp_path: Path) -> None:
+    (tmp_path / "level.csv").write_text("f [Hz],real,imag\n1,2.0,0.5\n2,1.0,0.5\n")
+    frf = '[[frf]]\nfile = "level.csv"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\nuse = "validate"\n'
+    runs = dataset(tmp_path, AXIS + RECORD + frf)
+    assert len(runs.records) == 2 and [f.use for f in runs.frfs] == ["validate"] and "level.csv" in runs.notes[0]
+    alone = dataset(tmp_path, AXIS + frf)
+    assert alone.records == () and alone.frfs[0].response[0] == 2 + 0.5j and "responses: 1" in alone.split
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

@@ -1,6 +1,7 @@
 """One contract over every file format: what is written comes back, and garbage ends in one line."""
 
 import gzip
+import importlib.util
 import json
 from pathlib import Path
 
@@ -13,7 +14,11 @@ from hypothesis import strategies as st
 from gms_mujoco import formats
 from gms_mujoco.errors import DataError
 
-SUFFIXES = sorted(formats.suffixes())
+HAS_UFF = importlib.util.find_spec("pyuff") is not None
+NEEDS_UFF = pytest.mark.skipif(not HAS_UFF, reason="universal files need pyuff: pip install 'gms-mujoco[uff]'")
+SUFFIXES = [
+    pytest.param(s, marks=NEEDS_UFF) if s in (".uff", ".unv") else s for s in sorted(formats.suffixes())
+]
 COLUMNS = {
     "time": np.arange(40) / 1000,
     "torque": np.sin(np.arange(40)) * 1e-3,

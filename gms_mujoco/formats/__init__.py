@@ -38,12 +38,14 @@ class Table:
         unusable: columns that are not numbers, and why ("line 7: 'off' is not a number").
         named: False where the file has no names for its columns.
         lines: (n,) line of the file where each sample stands, counted from 1; None where there are no lines.
+        units: of the columns of which the file states it.
     """
 
     columns: Mapping[str, Array]
     unusable: Mapping[str, str] = field(default_factory=dict)
     named: bool = True
     lines: NDArray[np.int64] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
@@ -100,13 +102,16 @@ def unpack(arrays: Mapping[str, object]) -> Table:
     """Named arrays of any shape as columns.
 
     (n,), (n, 1) and (1, n) are a column; of (n, m) and (m, n) the longer side is time and the columns are
-    "name.0", "name.1", ...; single numbers, text and complex numbers are unusable.
+    "name.0", "name.1", ...; a column of complex numbers is two, "name.real" and "name.imag"; single numbers, text and
+    tables of complex numbers are unusable.
     """
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
     for name, value in arrays.items():
         array = np.asarray(value)
-        if array.dtype.kind not in "bifu":
+        if array.dtype.kind == "c" and 1 < array.size == max(array.shape):
+            columns |= {f"{name}.{part}": getattr(array, part).ravel().astype(float) for part in ("real", "imag")}
+        elif array.dtype.kind not in "bifu":
             what = "complex numbers" if array.dtype.kind == "c" else "no numbers"
             unusable[name] = f"it holds {what}"
         elif array.size < 2:

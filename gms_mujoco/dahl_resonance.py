@@ -1,0 +1,449 @@
+"""Friction from the Dahl resonance: frequency responses at several amplitudes become a Maxwell-slip set.
+
+At small motion friction is a spring that resonates with the inertia; it softens as the amplitude A grows and its
+elements begin to slip. With the describing function of a Maxwell-slip set of stiffnesses k_i and break-away distances
+x_i, an axis answers a torque of angular frequency w with the position
+
+    1 / H(w, A) = sum k_i (phi(x_i / A) + i psi(x_i / A)) + i c w - J w^2,
+
+    phi(r) = (theta - sin(2 theta) / 2) / pi, cos(theta) = 1 - 2 r,   psi(r) = (4 / pi) r (1 - r)   for r < 1,
+    phi = 1, psi = 0 for r >= 1.
+
+H relates the fundamentals. Under a sinusoidal torque the motion has harmonics too, which change it by a tenth or more
+at and below the resonance; `identify_dahl` computes that change by harmonic balance with the friction found so far,
+takes it off the data and fits again. The formula is linear in k_i on a preset grid of x_i, in the viscous coefficient
+c and in the inertia J, so non-negative least squares finds the global optimum over every measured point, at held
+torque as at held position.
+
+Sources: the principle, J. Y. Yoon and D. L. Trumper, Mechatronics 24 (2014); elements that stick and slip in parallel,
+W. D. Iwan, Journal of Applied Mechanics 33 (1966); the formulas are derived here. The two naive readings of a
+resonance, as the secant of the virgin curve and as its local slope, are here for comparison.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from . import effects
+from .errors import DataError
+from .frf import FRF
+from .plant import Plant
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_GRID = 60  # break-away distances tried
+_FINEST = 0.3  # of the smallest amplitude: the smallest break-away distance tried
+_MODEL_ERROR = 0.002  # of a describing function, beside that of its correction for harmonics
+_CORRECTION_ERROR = 0.1  # of that correction
+_HARMONICS = np.arange(3, 22, 2)
+_SAMPLES = 128  # of a period, in harmonic balance
+_MASS_LINE = 4.0  # times the resonance: where the mass line begins
+_ROUNDS = 4  # of reweighting
+_CORRECTIONS = 8  # times that the harmonics are computed anew
+_Z = 1.959964
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """The Dahl resonance at one amplitude: where position lags torque by a quarter of a turn.
+
+    Attributes:
+        amplitude: of the position there [rad].
+        frequency: [Hz].
+        dissipation: torque in quadrature per position, J w^2 times the loss factor [N m/rad].
+        name: of the response it was read from.
+    """
+
+    amplitude: float
+    frequency: float
+    dissipation: float
+    name: str = ""
+
+    def stiffness(self, inertia: float) -> float:
+        """J w^2: the in-phase stiffness of friction at this amplitude [N m/rad]."""
+        return inertia * (2 * math.pi * self.frequency) ** 2
+
+    def loss(self, inertia: float) -> float:
+        """Loss factor: twice the damping ratio of a linear axis [1]."""
+        return self.dissipation / self.stiffness(inertia)
+
+
+@dataclass(frozen=True)
+class DahlReading:
+    """What frequency responses say about friction in pre-sliding; a frozen value.
+
+    Attributes:
+        plant: inertia, GMS friction and, where it was found, viscous drag. Its level is the torque at which all
+            elements slip; the Stribeck curve and the attraction leave no trace in these data and stand at values
+            without effect.
+        breakaway: (m,) break-away distance of each element [rad], rising.
+        stiffness: (m,) of each element [N m/rad].
+        stuck: stiffness that did not slip at any amplitude [N m/rad].
+        inertia: [kg m^2], given or identified.
+        viscous: [N m s/rad].
+        amplitude: smallest and largest position amplitude in the data [rad]; nothing is known beyond the largest.
+        error: median misfit of 1 / H, relative.
+        resonances: those found, one per response at most.
+        status: a sentence that tells what was found and what the data cannot say.
+    """
+
+    plant: Plant
+    breakaway: Array
+    stiffness: Array
+    stuck: float
+    inertia: float
+    viscous: float
+    amplitude: tuple[float, float]
+    error: float
+    resonances: tuple[Resonance, ...]
+    status: str
+
+    def virgin_curve(self, distance: Array) -> Array:
+        """(n,) friction torque [N m] at `distance` (n,) from rest [rad], up to the largest amplitude measured."""
+        return virgin_curve(self.stiffness, self.breakaway, distance) + self.stuck * np.asarray(distance, float)
+
+    def __str__(self) -> str:
+        return self.status
+
+
+def describing_function(stiffness: Array, breakaway: Array, amplitude: Array) -> Complex:
+    """(n,) torque per position of a Maxwell-slip set in sinusoidal motion [N m/rad].
+
+    Args:
+        stiffness: (m,) [N m/rad].
+        breakaway: (m,) [rad].
+        amplitude: (n,) of the position [rad].
+    """
+    ratio = np.asarray(breakaway, float) / np.asarray(amplitude, float)[:, None]
+    return np.asarray((_phi(ratio) + 1j * _psi(ratio)) @ np.asarray(stiffness, float))
+
+
+def virgin_curve(stiffness: Array, breakaway: Array, distance: Array) -> Array:
+    """(n,) friction torque [N m] of a relaxed Maxwell-slip set after it was moved one way by `distance` (n,) [rad]."""
+    return np.asarray(np.minimum(np.asarray(distance, float)[:, None], breakaway) @ np.asarray(stiffness, float))
+
+
+def secant_curve(resonances: Sequence[Resonance], inertia: float, distance: Array) -> Array:
+    """(n,) virgin curve [N m] from J w^2 read as its secant at each amplitude; for comparison."""
+    x, k = _readings(resonances, inertia)
+    return np.asarray(np.interp(distance, np.append(0, x), np.append(0, k * x)))
+
+
+def slope_curve(resonances: Sequence[Resonance], inertia: float, distance: Array) -> Array:
+    """(n,) virgin curve [N m] from J w^2 read as its slope at each amplitude; for comparison."""
+    x, k = _readings(resonances, inertia)
+    x = np.append(0, x)
+    return np.asarray(np.interp(distance, x, np.append(0, np.cumsum(k * np.diff(x)))))
+
+
+def find_resonance(frf: FRF) -> Resonance | None:
+    """The resonance of a response, None where the phase does not pass through -90 degrees inside the band.
+
+    Of several crossings (noise, or a harmonic far below that meets the resonance) the one counts that best parts the
+    points into a stiffness below and a mass above. Real and imaginary part of 1 / H are followed by straight lines in
+    w^2 over the four nearest points.
+
+    Raises:
+        DataError: the response is not from torque, or its amplitude is unknown.
+    """
+    f = _with_amplitude(frf)
+    inverse = 1 / f.response
+    crossings = np.flatnonzero((inverse.real[:-1] > 0) & (inverse.real[1:] <= 0))
+    if not len(crossings):
+        return None
+    sides = np.cumsum(np.sign(inverse.real))
+    at = int(crossings[np.argmax(2 * sides[crossings] - sides[-1])])
+    near = slice(max(at - 1, 0), at + 3)
+    square = f.omega[near] ** 2
+    slope, level = np.polyfit(square, inverse.real[near], 1)
+    root = -level / slope if slope < 0 else math.nan
+    if not square[0] <= root <= square[-1]:  # too rough for a line through four points: take the two about it
+        a, b = inverse.real[at], inverse.real[at + 1]
+        root = float(f.omega[at] ** 2 + a / (a - b) * (f.omega[at + 1] ** 2 - f.omega[at] ** 2))
+    assert f.amplitude is not None
+    line = np.polyfit(square, inverse.imag[near], 1)
+    size = math.exp(float(np.interp(root, square, np.log(f.amplitude[near]))))
+    return Resonance(size, math.sqrt(root) / (2 * math.pi), max(float(np.polyval(line, root)), 0.0), frf.name)
+
+
+def mass_line(frfs: Sequence[FRF]) -> tuple[float, float]:
+    """Inertia from the -40 dB/decade line: the slope of Re 1 / H against w^2 far above the resonance.
+
+    Each response has a stiffness of its own, which the slope does not see where the position amplitude is held; all
+    share the inertia. At held torque the stiffness grows along the line and `identify_dahl` does better.
+
+    Returns:
+        Inertia and its standard deviation [kg m^2].
+
+    Raises:
+        DataError: fewer than three points of any response lie at four times its resonance or above.
+    """
+    xs, ys = [], []
+    for frf in frfs:
+        f = _with_amplitude(frf)
+        found = find_resonance(f)
+        if found is None:
+            continue
+        high = f.frequency >= _MASS_LINE * found.frequency
+        if high.sum() >= 3:
+            x, y = f.omega[high] ** 2, (1 / f.response[high]).real
+            weight = 1 / x**2  # errors of a response are relative
+            xs.append((x - np.average(x, weights=weight)) * np.sqrt(weight))
+            ys.append((y - np.average(y, weights=weight)) * np.sqrt(weight))
+    if not xs:
+        raise DataError(
+            f"no mass line: at least three points above {_MASS_LINE:g} times the resonance are needed; "
+            "measure to higher frequencies, or give the inertia"
+        )
+    x, y = np.concatenate(xs), np.concatenate(ys)
+    inertia = -float(x @ y) / float(x @ x)
+    if inertia <= 0:
+        raise DataError("the response does not fall along a mass line; is it from torque to position?")
+    free = max(len(x) - len(xs) - 1, 1)
+    return inertia, math.sqrt(float(np.sum((y + inertia * x) ** 2)) / free / float(x @ x))
+
+
+def read_resonances(
+    resonances: Sequence[Resonance], inertia: float, *, kind: str = "hinge", viscous: bool = True
+) -> DahlReading:
+    """Friction from resonances alone: their frequencies and their damping, two halves that stand by themselves.
+
+    Args:
+        resonances: at least two, at different amplitudes.
+        inertia: [kg m^2].
+        kind: of the joint.
+        viscous: whether viscous drag may take part of the damping.
+
+    Raises:
+        DataError: fewer than two amplitudes.
+    """
+    points = sorted(resonances, key=lambda r: r.amplitude)
+    size = np.array([r.amplitude for r in points])
+    if len(np.unique(size)) < 2:
+        raise DataError(f"resonances at {len(np.unique(size))} amplitude(s); at least two are needed")
+    omega = 2 * math.pi * np.array([r.frequency for r in points])
+    k, loss = inertia * omega**2, np.array([r.dissipation for r in points]) / (inertia * omega**2)
+    grid, p, q = _columns(size)
+    drag = omega if viscous else np.zeros(len(omega))
+    in_phase, quadrature, solution = k, loss, np.zeros(0)
+    for _ in range(_ROUNDS):
+        # An error e of a frequency is 2 e in J w^2, and none in the loss factor, which is a ratio.
+        rows = np.vstack([
+            np.column_stack([p, np.zeros(len(k))]) / (2 * in_phase[:, None]),
+            np.column_stack([q - loss[:, None] * p, drag]) / (np.maximum(quadrature, 0.02) * in_phase)[:, None],
+        ])  # fmt: skip
+        target = np.concatenate([k / (2 * in_phase), np.zeros(len(k))])
+        solution = _nnls(rows, target)
+        # Weights of the fitted values: weights of the measured ones would favour those that came out small.
+        fitted = p @ solution[:-1]
+        in_phase = np.clip(fitted, 0.3 * k, 3 * k)
+        quadrature = np.clip((q @ solution[:-1] + solution[-1] * drag) / in_phase, 0.3 * loss, 3 * loss + 0.02)
+    error = float(np.sqrt(np.mean((p @ solution[:-1] / k - 1) ** 2)))
+    return _reading(grid, solution[:-1], float(solution[-1]), inertia, True, size, error, tuple(points), kind)
+
+
+def identify_dahl(
+    frfs: Sequence[FRF], inertia: float | None = None, *, kind: str = "hinge", viscous: bool = True
+) -> DahlReading:
+    """Friction, and where it is not given the inertia, from every point of frequency responses at several amplitudes.
+
+    Args:
+        frfs: from torque, with their amplitude known.
+        inertia: [kg m^2]; None: from the same fit, which the points above the resonance decide.
+        kind: of the joint.
+        viscous: whether viscous drag may take part of the damping.
+
+    Raises:
+        DataError: responses that are not from torque or lack their amplitude, or that have fewer than two amplitudes.
+    """
+    if not frfs:
+        raise DataError("no frequency responses; at least two amplitudes are needed")
+    all_ = [_with_amplitude(f) for f in frfs]
+    size = np.concatenate([f.amplitude for f in all_])
+    if size.max() < 1.2 * size.min():
+        raise DataError("all points have the same amplitude; measure at several, best a decade or more apart")
+    omega = np.concatenate([f.omega for f in all_])
+    inverse = 1 / np.concatenate([f.response for f in all_])
+    noise = np.concatenate([np.zeros(len(f)) if f.sigma is None else f.sigma for f in all_]) * np.abs(inverse) ** 2
+    grid, p, q = _columns(size)
+    # What friction can do at a point, so that points on the mass line do not outweigh those that know friction.
+    rough = float(np.median(np.abs(inverse.real[omega <= np.median(omega)])))
+    spread = np.hypot(noise, _MODEL_ERROR * (np.abs(inverse) + rough))
+    mass = omega**2
+    known = 0.0 if inertia is None else inertia
+    column = mass if inertia is None else np.zeros(len(mass))
+    drag = omega if viscous else np.zeros(len(omega))
+    harmonic = np.zeros(len(omega), complex)
+    trusted = np.ones(len(omega), bool)
+    solution = np.zeros(0)
+    for i in range(_ROUNDS + _CORRECTIONS):
+        rows = np.vstack([
+            np.column_stack([p, np.zeros(len(omega)), -column]) / spread[:, None],
+            np.column_stack([q, drag, np.zeros(len(omega))]) / spread[:, None],
+        ])  # fmt: skip
+        sought = inverse - harmonic
+        target = np.concatenate([sought.real + known * mass, sought.imag]) / np.tile(spread, 2)
+        keep = np.tile(trusted, 2)
+        solution = _nnls(rows[keep], target[keep])
+        friction = (p + 1j * q) @ solution[:-2]
+        total = known + float(solution[-1])
+        fitted = friction + 1j * solution[-2] * drag - total * mass + harmonic
+        if i >= _ROUNDS - 1 and total > 0:
+            breakaway, stiffness = _with_stuck(grid, solution[:-2], size.max())
+            new, trusted = harmonic_part(stiffness, breakaway, total, float(solution[-2]), size, omega)
+            harmonic = new if i == _ROUNDS - 1 else 0.5 * (harmonic + new)
+        spread = np.hypot(noise, _MODEL_ERROR * (np.abs(fitted) + np.abs(friction)))
+        spread = np.hypot(spread, _CORRECTION_ERROR * np.abs(harmonic))
+    if total <= 0:
+        raise DataError("the responses do not fall along a mass line; are they from torque to position?")
+    # The resonances of the fundamental alone, as the formula has them.
+    cuts = np.cumsum([len(f) for f in all_])[:-1]
+    fundamental = np.asarray(1 / (inverse - harmonic), complex)
+    parts = zip(all_, np.split(fundamental, cuts), np.split(trusted, cuts), strict=True)
+    plain = [replace(f, response=g, excitation=None).where(ok) for f, g, ok in parts if ok.sum() > 1]
+    found = [r for r in map(find_resonance, plain) if r is not None]
+    misfit = np.abs(inverse - fitted)[trusted] / np.abs(inverse[trusted])
+    error = float(np.median(misfit))
+    return _reading(
+        grid, solution[:-2], float(solution[-2]), total, inertia is not None, size, error, tuple(found), kind
+    )
+
+
+def harmonic_part(
+    stiffness: Array, breakaway: Array, inertia: float, viscous: float, amplitude: Array, omega: Array
+) -> tuple[Complex, NDArray[np.bool_]]:
+    """What the harmonics of the motion add to torque over position under a sinusoidal torque, by harmonic balance.
+
+    Args:
+        stiffness, breakaway: (m,) of the Maxwell-slip set [N m/rad], [rad].
+        inertia, viscous: [kg m^2], [N m s/rad].
+        amplitude: (n,) of the fundamental of the position [rad].
+        omega: (n,) of the torque [rad/s].
+
+    Returns:
+        (n,) addition to 1 / H [N m/rad], and (n,) whether the balance was found; it may not be where a harmonic meets
+        the resonance, far below it.
+    """
+    angle = 2 * math.pi * np.arange(_SAMPLES) / _SAMPLES
+    waves = np.exp(1j * np.outer(_HARMONICS, angle))
+    rigid = -inertia * np.outer(omega, _HARMONICS) ** 2 + 1j * viscous * np.outer(omega, _HARMONICS)
+    motion = amplitude[:, None] * np.cos(angle)
+    alone = _steady(stiffness, breakaway, motion)
+    first = alone[:, 1] / amplitude
+    spring = np.abs(first.real)[:, None]  # preconditions the iteration
+    extra = np.zeros(rigid.shape, complex)
+    force = alone
+    for _ in range(25):
+        wanted = (spring * extra - force[:, _HARMONICS]) / (spring + rigid)
+        extra = extra + 0.5 * (wanted - extra)
+        force = _steady(stiffness, breakaway, motion + (extra @ waves).real)
+    left = np.abs(force[:, _HARMONICS] + rigid * extra).max(1)
+    return force[:, 1] / amplitude - first, left < 0.02 * np.abs(force[:, 1])
+
+
+def _steady(stiffness: Array, breakaway: Array, motion: Array) -> Complex:
+    """(n, harmonics) amplitudes of the torque of a Maxwell-slip set in periodic motion (n, samples)."""
+    stretch = np.zeros((len(motion), len(breakaway)))
+    step = np.diff(motion, axis=1, prepend=motion[:, -1:])
+    total = np.empty(motion.shape)
+    for turn in range(2):  # after one period the past is forgotten
+        for j in range(motion.shape[1]):
+            stretch += step[:, j, None]
+            np.clip(stretch, -breakaway, breakaway, out=stretch)
+            if turn:
+                total[:, j] = stretch @ stiffness
+    return np.asarray(np.fft.rfft(total, axis=1) * (2 / motion.shape[1]))
+
+
+def _phi(r: Array) -> Array:
+    theta = np.arccos(1 - 2 * np.minimum(r, 1))
+    return (theta - np.sin(2 * theta) / 2) / math.pi
+
+
+def _psi(r: Array) -> Array:
+    r = np.minimum(r, 1)
+    return 4 / math.pi * r * (1 - r)
+
+
+def _columns(size: Array) -> tuple[Array, Array, Array]:
+    """Break-away distances of the grid, the last one never reached, with the unit describing functions (n, m)."""
+    grid = np.geomspace(_FINEST * size.min(), 0.97 * size.max(), _GRID)
+    grid = np.append(grid, math.inf)
+    ratio = np.minimum(grid, 1e6 * size.max()) / size[:, None]
+    return grid, _phi(ratio), _psi(ratio)
+
+
+def _nnls(rows: Array, target: Array) -> Array:
+    scale = np.sqrt(np.mean(rows**2, 0))
+    scale[scale == 0] = 1.0
+    # Of tall data only their triangle matters.
+    q, r = np.linalg.qr(rows / scale)
+    return np.asarray(optimize.nnls(r, q.T @ target)[0] / scale)
+
+
+def _reading(
+    grid: Array, weight: Array, viscous: float, inertia: float, known: bool, size: Array, error: float,
+    resonances: tuple[Resonance, ...], kind: str,
+) -> DahlReading:  # fmt: skip
+    stuck = float(weight[-1])
+    breakaway, stiffness = _merged(grid[:-1], weight[:-1])
+    low, high = float(size.min()), float(size.max())
+    x, k = _with_stuck(grid, weight, high)
+    if not len(k) or not (level := float(k @ x)) > 0:
+        raise DataError("the responses show no friction; is the amplitude right?")
+    gms = effects.find("gms")(
+        stiffness=k, fraction=k * x / level, coulomb=level, static=level, stribeck_velocity=1.0, attraction=level
+    )
+    plant = Plant(inertia, (gms,), kind, known)
+    if viscous > 0:
+        plant += effects.find("viscous")(coefficient=viscous)
+    said = [
+        f"{len(k)} elements, stiffness {k.sum():.4g} N m/rad, level {level:.4g} N m; "
+        f"inertia {inertia:.4g} kg m^2 ({'given' if known else 'identified'}); misfit {100 * error:.2f} %",
+        f"amplitudes {low:.3g} to {high:.3g} rad",
+    ]
+    if stuck > 0.02 * k.sum():
+        said.append(
+            f"a stiffness of {stuck:.3g} N m/rad did not slip: the level is a lower bound; measure at larger amplitudes"
+        )
+    said.append(
+        "not determined by these data: coulomb below static, stribeck_velocity, attraction; constant-velocity runs and "
+        "reversals at speed determine them"
+    )
+    return DahlReading(plant, breakaway, stiffness, stuck, inertia, viscous, (low, high), error, resonances,
+                       "; ".join(said))
+
+
+def _merged(grid: Array, weight: Array) -> tuple[Array, Array]:
+    """Neighbours on the grid that share an element become it again, with its level and its stiffness."""
+    active = np.flatnonzero(weight > 1e-6 * max(weight.sum(), 1e-300))
+    if not len(active):
+        return np.zeros(0), np.zeros(0)
+    groups = np.split(active, np.flatnonzero(np.diff(active) > 1) + 1)
+    stiffness = np.array([weight[g].sum() for g in groups])
+    return np.array([weight[g] @ grid[g] for g in groups]) / stiffness, stiffness
+
+
+def _with_stuck(grid: Array, weight: Array, largest: float) -> tuple[Array, Array]:
+    """Break-away distances and stiffnesses, what never slipped being given the least distance that it may have."""
+    x, k = _merged(grid[:-1], weight[:-1])
+    return (np.append(x, largest), np.append(k, weight[-1])) if weight[-1] > 0 else (x, k)
+
+
+def _readings(resonances: Sequence[Resonance], inertia: float) -> tuple[Array, Array]:
+    points = sorted(resonances, key=lambda r: r.amplitude)
+    return np.array([r.amplitude for r in points]), np.array([r.stiffness(inertia) for r in points])
+
+
+def _with_amplitude(frf: FRF) -> FRF:
+    f = frf.compliance()
+    if f.amplitude is None:
+        raise DataError(f"{f.name}: the amplitude of the excitation is not known; give it as amplitude = ... [N m]")
+    return f

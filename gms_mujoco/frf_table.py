@@ -1,0 +1,332 @@
+"""From the columns of a file to an FRF: what is frequency, magnitude and phase, in which units, and repeats averaged.
+
+What the file does not say and nothing declares is an error that tells how to declare it: a guess between Hz and rad/s
+would be wrong by 6.3 and look right.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import units
+from .errors import DataError, listing
+from .formats import Table
+from .frf import FRF, INPUTS, OUTPUTS, Complex, response_unit
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("frequency", "magnitude", "phase", "real", "imag", "coherence", "excitation")
+_UNITS = {
+    "frequency": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / math.pi, "rpm": 1 / 60},
+    "phase": {"rad": 1.0, "deg": math.pi / 180},
+    "magnitude": {"abs": 0.0, "dB": 20.0, "log10": 1.0},
+}
+_AKA = {
+    "hertz": "Hz", "hz": "Hz", "khz": "kHz", "rad/s": "rad/s", "rads": "rad/s", "rad/sec": "rad/s", "1/s": "rad/s",
+    "rpm": "rpm", "rad": "rad", "radian": "rad", "radians": "rad", "deg": "deg", "degree": "deg", "degrees": "deg",
+    "°": "deg", "abs": "abs", "linear": "abs", "lin": "abs", "db": "dB", "log10": "log10",
+}  # fmt: skip
+_NAMES = {
+    "frequency": r"f|freq|frequency|frequencies|w|omega|ω|hz|radps",
+    "magnitude": r"mag|magnitude|gain|abs|amplitude ratio|\|[gh]\|",
+    "phase": r"ph|phase|arg|angle|arg ?\(?[gh]\)?|∠[gh]?",
+    "real": r"re|real|real part",
+    "imag": r"im|imag|imaginary|imag part|imaginary part",
+    "coherence": r"coh|coherence|gamma2|γ²",
+    "excitation": r"excitation|excitation amplitude|input amplitude",
+}
+_FEW = 6  # quantities at most in a file that has a line for each
+_LARGEST = 1e30
+
+
+def from_table(
+    table: Table,
+    name: str,
+    input: str,
+    output: str,
+    *,
+    columns: Mapping[str, Any] | None = None,
+    unit: Mapping[str, Any] | None = None,
+    scale: float = 1.0,
+    amplitude: float | None = None,
+    kind: str = "hinge",
+    count: float | None = None,
+    use: str = "fit",
+) -> FRF:
+    """A frequency response from the raw columns of a file.
+
+    Points at the same frequency are repeats: their mean is robust against outliers (`robust_mean`).
+
+    Args:
+        table: of one row per frequency; a file without names and with few long lines has a line per quantity.
+        name: of the result, for messages.
+        input, output: what the response leads from and to.
+        columns: names or numbers (from 0; of lines where there is a line per quantity) for `COLUMNS`.
+        unit: of frequency, magnitude and phase, and of input and output ("mNm", "deg").
+        scale: multiplies the response.
+        amplitude: of the input during the measurement [N m].
+        kind, count: joint kind and one encoder count [rad], for the units of input and output.
+        use: of the result.
+
+    Raises:
+        DataError: a column is missing, ambiguous or holds what cannot be, and how to settle it.
+    """
+    for key, value, names in (("input", input, INPUTS), ("output", output, OUTPUTS)):
+        if value not in names:
+            raise DataError(f"{key} must be one of {listing(names)}; {value!r} given")
+    chosen, declared = dict(columns or {}), dict(unit or {})
+    for word, given, known in (("columns", chosen, COLUMNS), ("units", declared, _KEYS_OF_UNITS)):
+        for key in given:
+            if key not in known:
+                raise DataError(f"unknown key {word}.{key}; expected {listing(known)}")
+    number = table.columns.get("response")
+    if number is not None and (several := len(np.unique(number))) > 1:
+        raise DataError(f"the file holds {several} responses (column 'response'); give each its own file")
+    per_line = _has_a_line_per_quantity(table)
+    raw = _raw(_turned(table) if per_line else table, chosen, per_line)
+    _check(table, raw, per_line)
+    found: dict[str, str] = {k: _unit(k, raw, declared, table.units) for k in _UNITS if k in raw}
+    frequency = raw["frequency"][0] * _UNITS["frequency"][found["frequency"]]
+    response = _response(raw, found)
+    factor = scale * _si(declared, "output", output, kind, count) / _si(declared, "input", input, kind, count)
+    response = factor * response
+    notes = []
+    keep = frequency > 0
+    if not keep.all():
+        if frequency.min() < 0:
+            raise DataError(f"frequency is {frequency.min():g} Hz; expected positive numbers")
+        notes.append("the point at 0 Hz is left out")
+    extra = {k: raw[k][0][keep] for k in ("coherence", "excitation") if k in raw}
+    frequency, response = frequency[keep], response[keep]
+    if not len(frequency):
+        raise DataError("no frequency above 0 Hz")
+    zero = np.flatnonzero(response == 0)
+    if len(zero):
+        raise DataError(f"the response is 0 at {frequency[zero[0]]:g} Hz; no measurement gives that")
+    where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
+    values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
+    if amplitude is not None:
+        values["excitation"] = np.full(len(where), abs(amplitude))
+    how = ", ".join(f"{k} [{u}]" for k, u in found.items())
+    if "real" in raw:
+        how += " and real and imaginary part"
+    what = f"{output} over {input} [{response_unit(input, output, kind)}] from {how}"
+    said = f"{len(where)} frequencies, {where[0]:.4g} to {where[-1]:.4g} Hz"
+    if repeats.max() > 1:
+        said += f", mean of {repeats.min()} to {repeats.max()} repeats ({rejected} outliers without weight)"
+    return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
+               notes=(what, said, *notes), **values)
+
+
+_KEYS_OF_UNITS = ("frequency", "magnitude", "phase", "input", "output")
+
+
+def average_repeats(frequency: Array, response: Complex) -> tuple[Array, Complex, Array | None, Array, int]:
+    """Points of equal frequency as one each.
+
+    Args:
+        frequency: (n,) [Hz], in any order; equal within 1e-6 of themselves is equal.
+        response: (n,).
+
+    Returns:
+        (m,) frequency [Hz], (m,) robust mean, (m,) its standard deviation or None where nothing is repeated, (m,)
+        number of repeats, and how many points were left without weight.
+    """
+    order = np.argsort(frequency, kind="stable")
+    f, g = frequency[order], response[order]
+    cut = np.flatnonzero(np.diff(f) > 1e-6 * f[:-1]) + 1
+    groups = np.split(g, cut)
+    where = np.array([x.mean() for x in np.split(f, cut)])
+    means = [robust_mean(x) for x in groups]
+    value = np.array([m[0] for m in means])
+    repeats = np.array([len(x) for x in groups])
+    several = repeats > 1
+    if not several.any():
+        return where, value, None, repeats, 0
+    spread = np.array([m[1] for m in means])  # of one point
+    # Two or three repeats tell little of their own scatter: it is at least the usual one.
+    usual = float(np.median(spread[several] / np.abs(value[several])))
+    weak = usual * np.abs(value)
+    spread = np.where(repeats > 3, np.maximum(spread, 0.3 * weak), np.maximum(spread, weak))
+    left = np.array([m[2] for m in means])
+    return where, value, spread / np.sqrt(left), repeats, int(repeats.sum() - left.sum())
+
+
+def robust_mean(x: Complex) -> tuple[complex, float, int]:
+    """Mean of repeats (n,) with Tukey's biweight from their median; outliers have no weight.
+
+    Returns:
+        The mean, the standard deviation of one point about it, and the number of points with weight.
+    """
+    x = np.asarray(x, complex)
+    if len(x) < 3:
+        mean = complex(x.mean())
+        return mean, float(np.sqrt(np.sum(np.abs(x - mean) ** 2) / max(len(x) - 1, 1))), len(x)
+    mean = complex(np.median(x.real), np.median(x.imag))
+    weight = np.ones(len(x))
+    for _ in range(20):
+        gap = np.abs(x - mean)
+        scale = float(np.median(gap)) / 0.8326  # of a circular normal distribution
+        if scale == 0:
+            weight = (gap == 0).astype(float)
+            break
+        weight = np.clip(1 - (gap / (4 * scale)) ** 2, 0, None) ** 2
+        mean = complex((weight @ x) / weight.sum())
+    inside = weight > 0
+    n = int(inside.sum())
+    return mean, float(np.sqrt(np.sum(np.abs(x[inside] - mean) ** 2) / max(n - 1, 1))), n
+
+
+def _has_a_line_per_quantity(table: Table) -> bool:
+    sizes = {len(v) for v in table.columns.values()}
+    return not table.named and len(sizes) == 1 and 2 <= min(sizes) <= _FEW < len(table.columns)
+
+
+def _turned(table: Table) -> Table:
+    if table.unusable:
+        column, why = next(iter(table.unusable.items()))
+        raise DataError(f"number {column} of each line: {why}")
+    lines = np.array(list(table.columns.values())).T
+    return Table({str(i): line for i, line in enumerate(lines)}, named=False, units=table.units)
+
+
+def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, tuple[Array, str]]:
+    """Values and name in the file of every quantity."""
+    names = list(table.columns)
+    what = "line" if per_line else "column"
+    if not table.named and not chosen:
+        raise DataError(
+            f"the file does not name its {len(names)} {what}s; number them from 0, "
+            "as in columns = { frequency = 0, magnitude = 1, phase = 2 }"
+        )
+    out: dict[str, tuple[Array, str]] = {}
+    for key, at in chosen.items():
+        if isinstance(at, bool) or not isinstance(at, int | str):
+            raise DataError(f"columns.{key} must be the name or the number of a {what}; {at!r} given")
+        if isinstance(at, int):
+            if not 0 <= at < len(names):
+                raise DataError(f"columns.{key}: no {what} {at}; there are {len(names)}, counted from 0")
+            at = names[at]
+        if at in table.unusable:
+            raise DataError(f"column {at!r}: {table.unusable[at]}")
+        if at not in table.columns:
+            raise DataError(f"columns.{key}: no column {at!r}; the file has {listing(names)}")
+        out[key] = (table.columns[at], at)
+    if table.named:
+        _detect(table, out)
+    if "frequency" not in out:
+        raise DataError(f"no column for the frequency among {listing(names)}; name it: columns = {{ frequency = ... }}")
+    polar, cartesian = {"magnitude", "phase"} & set(out), {"real", "imag"} & set(out)
+    if len(cartesian) == 2 and not any(k in chosen for k in polar):
+        for key in polar:
+            out.pop(key)
+    elif len(polar) == 2 and not cartesian & set(chosen):
+        for key in cartesian:
+            out.pop(key)
+    else:
+        raise DataError(
+            f"found {listing(out)} among {listing(names)}; a response is magnitude and phase, or real and imag: "
+            "name them with columns = { magnitude = ..., phase = ... }"
+        )
+    return {k: out[k] for k in COLUMNS if k in out}
+
+
+def _detect(table: Table, out: dict[str, tuple[Array, str]]) -> None:
+    taken = {at for _, at in out.values()}
+    plain = {name: _plain(name)[0] for name in [*table.columns, *table.unusable]}
+    for key, pattern in _NAMES.items():
+        if key in out:
+            continue
+        fits = [n for n, p in plain.items() if n not in taken and re.fullmatch(pattern, p)]
+        if len(fits) > 1:
+            raise DataError(f"columns {listing(fits)} may each be the {key}; choose: columns = {{ {key} = ... }}")
+        if fits and fits[0] in table.unusable:
+            raise DataError(f"column {fits[0]!r}: {table.unusable[fits[0]]}")
+        if fits:
+            out[key] = (table.columns[fits[0]], fits[0])
+
+
+def _plain(name: str) -> tuple[str, str]:
+    """The words of a column's name without its unit, in lower case, and the unit or ""."""
+    text = name.strip().lower().split(".")[-1] if re.fullmatch(r"[\w.]+", name.strip()) else name.strip().lower()
+    match = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\])]*?)\s*[\])]", text)
+    word, unit = (match[1], match[2]) if match else (text, "")
+    if not unit and (match := re.fullmatch(r"(.+?)[\s_]+(hz|khz|rad/s|rads|rad/sec|rpm|deg|rad|db|abs|lin)", text)):
+        word, unit = match[1], match[2]
+    if not unit and word in ("hz", "radps", "omega", "w", "ω"):
+        unit = "hz" if word == "hz" else "rad/s"
+    return word.replace("_", " ").strip(), _AKA.get(unit.replace(" ", ""), unit)
+
+
+def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -> None:
+    sizes = {k: len(v) for k, (v, _) in raw.items()}
+    if len(set(sizes.values())) > 1:
+        raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in sizes.items()))
+    for key, (values, at) in raw.items():
+        bad = np.flatnonzero(~(np.abs(values) < _LARGEST))
+        if len(bad):
+            place = f"line {int(at) + 1}, number {bad[0] + 1}" if per_line else table.place(int(bad[0]))
+            raise DataError(f"{place}: {key} is {values[bad[0]]}, not a finite number ({len(bad)} such)")
+
+
+def _unit(key: str, raw: Mapping[str, tuple[Array, str]], declared: Mapping[str, Any], file: Mapping[str, str]) -> str:
+    known = _UNITS[key]
+    values, at = raw[key]
+    if key in declared:
+        unit = _AKA.get(str(declared[key]).lower().replace(" ", ""), "")
+        if not isinstance(declared[key], str) or unit not in known:
+            raise DataError(f"units.{key} must be one of {listing(known)}; {declared[key]!r} given")
+        return unit
+    for stated in (file.get(at, ""), _plain(at)[1]):
+        unit = _AKA.get(stated.lower().replace(" ", ""), "")
+        if unit in known:
+            return unit
+    if key == "magnitude" and values.min() < 0:
+        return "dB"  # an absolute value is never negative
+    if key == "phase" and np.ptp(values) > 60:
+        return "deg"  # ten turns
+    choices = " or ".join(list(known)[:3:2] if key == "frequency" else list(known)[:2])
+    raise DataError(f"{key}: {choices}? The file does not say; write units = {{ {key} = ... }} with one of "
+                    f"{listing(known)}")
+
+
+def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) -> Complex:
+    if "real" in raw:
+        return raw["real"][0] + 1j * raw["imag"][0]
+    size, base = raw["magnitude"][0], _UNITS["magnitude"][found["magnitude"]]
+    if base:
+        if np.abs(size).max() > 30 * base:
+            raise DataError(f"magnitude reaches {np.abs(size).max():g} {found['magnitude']}; is it abs?")
+        size = 10 ** (size / base)
+    elif size.min() <= 0:
+        raise DataError(f"magnitude is {size.min():g}, and abs is positive; dB? Write units = {{ magnitude = \"dB\" }}")
+    return size * np.exp(1j * _UNITS["phase"][found["phase"]] * raw["phase"][0])
+
+
+def _si(declared: Mapping[str, Any], side: str, quantity: str, kind: str, count: float | None) -> float:
+    if side not in declared:
+        return 1.0
+    if not isinstance(declared[side], str):
+        raise DataError(f"units.{side} must be a unit in quotes; {declared[side]!r} given")
+    if quantity not in ("torque", "load", "current", "position", "velocity"):
+        raise DataError(f"units.{side}: {quantity} is taken as it is; use scale")
+    try:
+        return units.into_si(declared[side], quantity, kind, count)[0]
+    except DataError as error:
+        raise DataError(f"units.{side}: {error}") from None
+
+
+def _medians(frequency: Array, values: Array, where: Array) -> Array:
+    group = np.abs(frequency[:, None] - where).argmin(1)
+    return np.array([np.median(values[group == i]) for i in range(len(where))])
+
+
+def listed(frfs: Sequence[FRF]) -> list[str]:
+    """One line per response: what it is and how it was read."""
+    return [f"{f.name}: " + "; ".join(f.notes) for f in frfs]

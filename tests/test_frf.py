@@ -1,0 +1,170 @@
+"""Frequency responses against the closed form of a linear axis, which knows nothing of how they are estimated."""
+
+import numpy as np
+import pytest
+
+from gms_mujoco import effects
+from gms_mujoco.errors import DataError
+from gms_mujoco.frf import FRF, estimate_frf, find_period, hold_factor, to_csv
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.sweep import stepped_sine
+
+J, SPRING, DRAG, H = 2.4e-5, 0.5, 1e-3, 5e-4
+AXIS = Plant.axis(J) + effects.find("spring")(stiffness=SPRING) + effects.find("viscous")(coefficient=DRAG)
+FINE = {"substeps": 64}
+
+
+def closed_form(frequency: np.ndarray) -> np.ndarray:
+    s = 2j * np.pi * frequency
+    return 1 / (J * s**2 + DRAG * s + SPRING)
+
+
+def run(torque: np.ndarray, **bench: object) -> Record:
+    return simulate(AXIS, torque, H, **{**FINE, **bench})  # type: ignore[arg-type]
+
+
+def misfit(frf: FRF) -> np.ndarray:
+    return np.abs(frf.response / closed_form(frf.frequency) - 1)
+
+
+def test_multisine_gives_the_closed_form_with_the_hold_taken_off() -> None:
+    torque = np.tile(multisine(2000, H, 2, 700, 5e-3, np.random.default_rng(0)), 4)
+    frf = estimate_frf(run(torque))
+    assert "mean of 3 periods of 1 s" in frf.notes[0] and frf.frequency[-1] > 600
+    assert misfit(frf.band(0, 400)).max() < 1e-3 and misfit(frf).max() < 4e-3
+    held = estimate_frf(run(torque), hold=False)  # half a sample of delay, pi / 4 at half the sample rate
+    assert np.angle(held.response / frf.response)[-1] == pytest.approx(-np.pi * frf.frequency[-1] * H, rel=1e-6)
+
+
+def test_hold_factor_is_that_of_the_discrete_double_integrator() -> None:
+    f = np.array([1.0, 100.0, 400.0, 900.0])
+    z = np.exp(2j * np.pi * f * H)
+    exact = H**2 / 2 * (z + 1) / (z - 1) ** 2  # zero-order hold of 1 / s^2
+    assert np.allclose(hold_factor(f, H), exact * (2j * np.pi * f) ** 2, rtol=1e-9)
+
+
+def test_sigma_is_the_scatter_of_the_estimate() -> None:
+    torque = np.tile(multisine(1000, H, 4, 200, 5e-3, np.random.default_rng(1), lines=30), 5)
+    truth = estimate_frf(run(torque))
+    noisy = [estimate_frf(run(torque, position_noise=1e-4, torque_noise=1e-4, seed=i)) for i in range(40)]
+    z = np.array([np.abs(f.response - truth.response) / f.sigma for f in noisy])
+    assert np.sqrt(np.median(z**2) / np.log(2)) == pytest.approx(1, abs=0.15)
+    assert all(np.all((f.coherence <= 1) & (f.coherence > 0)) for f in noisy)
+
+
+def test_noise_excitation_is_averaged_in_segments() -> None:
+    torque = np.random.default_rng(2).standard_normal(40_000) * 5e-3
+    frf = estimate_frf(run(torque, position_noise=1e-5, seed=9), segment=2.5).band(2, 300)
+    assert "Hann" in frf.notes[0] and find_period(torque) is None
+    z = np.abs(frf.response - closed_form(frf.frequency)) / frf.sigma
+    assert np.median(misfit(frf)) < 0.03 and np.median(z) < 1.5
+    assert np.median(frf.coherence) > 0.9
+
+
+def test_realisations_are_pooled_and_distortion_is_told_from_noise() -> None:
+    dry = Plant.axis(J) + effects.find("spring")(stiffness=SPRING) + effects.find("coulomb")(coulomb=2e-3)
+
+    def runs(plant: Plant) -> list[Record]:
+        waves = [multisine(1000, H, 4, 200, 8e-3, np.random.default_rng(i), lines=30) for i in range(6)]
+        return [simulate(plant, np.tile(w, 4), H, position_noise=1e-5, seed=i) for i, w in enumerate(waves)]
+
+    linear, distorted = estimate_frf(runs(AXIS), period=0.5), estimate_frf(runs(dry), period=0.5)
+    assert np.median(linear.sigma / linear.sigma_noise) < 1.6
+    assert np.median(distorted.sigma / distorted.sigma_noise) > 5
+
+
+def test_indirect_estimate_has_not_the_bias_of_feedback() -> None:
+    rng = np.random.default_rng(3)
+    n = 60_000
+    reference = rng.standard_normal(n) * 2e-3
+    a, b = np.array([[1.0, H], [0.0, 1.0]]), np.array([H**2 / 2, H]) / J
+    state, torque, reading = np.zeros(2), np.zeros(n), np.zeros(n)
+    for k in range(n):  # double integrator under a PD loop, exact with the hold
+        reading[k] = state[0] + 1e-3 * rng.standard_normal()
+        torque[k] = reference[k] - 0.5 * reading[k] - 1.5e-3 * state[1]
+        state = a @ state + b * torque[k]
+    record = Record("loop", H * np.arange(n), {"torque": torque, "position": reading})
+    ways: list[dict[str, object]] = [{}, {"method": "indirect", "reference": reference}]
+    low = [estimate_frf(record, segment=1.0, **way).band(15, 60) for way in ways]  # type: ignore[arg-type]
+    truth = -1 / (J * (2 * np.pi * low[0].frequency) ** 2)
+    h1, indirect = (np.median((f.response / truth).real) - 1 for f in low)
+    assert abs(indirect) < 0.02 and abs(h1) > 0.05
+
+
+def test_stepped_sine_holds_the_amplitude() -> None:
+    for held, amplitude in (("torque", 1e-3), ("position", 2e-3)):
+        frf = stepped_sine(AXIS, np.geomspace(3, 300, 9), amplitude, held=held, **FINE)
+        assert len(frf) == 9 and misfit(frf).max() < 2e-3
+        reached = frf.excitation if held == "torque" else frf.amplitude
+        assert np.allclose(reached, amplitude, rtol=2.1e-3)
+
+
+def test_a_drift_of_the_position_leaks_into_no_line() -> None:
+    torque = np.tile(multisine(1000, H, 4, 200, 5e-3, np.random.default_rng(4), lines=30), 5)
+    still = run(torque)
+    position = still.position + 0.3 * still.time
+    moved = Record("drift", still.time, {"torque": still.torque, "position": position})
+    assert np.allclose(estimate_frf(moved).response, estimate_frf(still).response, rtol=1e-6)
+
+
+@pytest.mark.parametrize("n", [40, 333, 1000])
+def test_the_period_is_found(n: int) -> None:
+    wave = multisine(n, H, 1, 400, 1.0, np.random.default_rng(n), lines=6)
+    noisy = np.tile(wave, 5) + 1e-3 * np.random.default_rng(0).standard_normal(5 * n)
+    assert find_period(noisy) == n and find_period(noisy[: n + n // 2]) is None
+    assert find_period(np.ones(100)) is None
+
+
+def test_responses_to_velocity_and_acceleration_become_compliances() -> None:
+    f = np.array([1.0, 10.0])
+    for power, output in enumerate(("position", "velocity", "acceleration")):
+        frf = FRF("a", f, closed_form(f) * (2j * np.pi * f) ** power, output=output, excitation=np.array([1.0, 2.0]))
+        found = frf.compliance()
+        assert np.allclose(found.response, closed_form(f)) and found.unit == "rad/(N m)"
+        assert np.allclose(found.amplitude, np.abs(closed_form(f)) * [1, 2])
+    with pytest.raises(DataError, match="torque to position is needed"):
+        FRF("a", f, closed_form(f), input="voltage").compliance()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"frequency": [0.0, 1.0]}, "must be positive and rise"),
+        ({"frequency": [2.0, 1.0]}, "must be positive and rise"),
+        ({"response": [1.0, np.nan]}, "not a finite number at 2 Hz"),
+        ({"response": [1.0]}, "response has shape"),
+        ({"response": [1.0, 0.0]}, "0 at 2 Hz"),
+        ({"input": "effort"}, "input must be one of .*torque"),
+        ({"use": "test"}, "use must be one of"),
+        ({"sigma": [1.0]}, "sigma has shape"),
+    ],
+)
+def test_a_response_that_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(DataError, match=words):
+        FRF(**{"name": "a", "frequency": [1.0, 2.0], "response": [1.0, 1.0], **change})  # type: ignore[arg-type]
+
+
+def test_mistakes_of_the_estimate_are_told() -> None:
+    record = run(np.tile(multisine(200, H, 5, 300, 5e-3, np.random.default_rng(0)), 4))
+    for change, words in (
+        ({"method": "h2"}, "method must be one of h1, indirect"),
+        ({"method": "indirect"}, "needs the reference"),
+        ({"output": "velocity"}, "no signal 'velocity'"),
+        ({"period": 0.1003}, "not a whole number of samples"),
+        ({"period": 0.4}, "periods of 800 are needed"),
+        ({"segment": 1.0}, "a segment of 2000 samples"),
+        ({"reference": np.ones(3)}, "reference has shape"),
+    ):
+        with pytest.raises(DataError, match=words):
+            estimate_frf(record, **change)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="no records"):
+        estimate_frf([])
+
+
+def test_table_of_responses_has_a_row_per_point() -> None:
+    f = np.array([1.0, 10.0])
+    text = to_csv([FRF("a", f, closed_form(f)), FRF("b", f, closed_form(f))]).splitlines()
+    assert text[0].startswith("# 1: a: position over torque [rad/(N m)]") and len(text) == 2 + 1 + 4
+    assert text[2] == "response,frequency [Hz],magnitude [abs],phase [rad]"

@@ -1,0 +1,255 @@
+"""Frequency responses from files, in the shapes that laboratories write, and what is ambiguous is refused."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gms_mujoco import formats
+from gms_mujoco.dataset import Dataset, load
+from gms_mujoco.errors import DataError
+from gms_mujoco.frf import FRF, find_antiresonance, to_csv
+from gms_mujoco.frf_table import average_repeats, from_table, robust_mean
+
+F = np.geomspace(1, 300, 40)
+G = 1 / (0.5 + 1e-3j * 2 * np.pi * F - 2.4e-5 * (2 * np.pi * F) ** 2)
+MAG, ARG = np.abs(G), np.angle(G)
+ENTRY = '[[frf]]\nfile = "{}"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
+POLAR = "columns = { frequency = 0, magnitude = 1, phase = 2 }\n"
+needs_uff = pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff (gms-mujoco[uff])")
+anyhow = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def rows(header: str, *columns: np.ndarray, separator: str = ",") -> str:
+    body = [separator.join(f"{v:.12g}" for v in row) for row in zip(*columns, strict=True)]
+    return "\n".join(([header] if header else []) + body) + "\n"
+
+
+def dataset(folder: Path, text: str, name: str = "level.csv", extra: str = "", axis: str = "") -> Dataset:
+    (folder / name).write_text(text, encoding="utf-8")
+    (folder / "dataset.toml").write_text(axis + ENTRY.format(name) + extra, encoding="utf-8")
+    return load(folder)
+
+
+def close(frf: FRF, response: np.ndarray = G) -> bool:
+    return np.allclose(frf.frequency, F) and np.allclose(frf.response, response, rtol=1e-6)
+
+
+# Shapes.
+
+
+@pytest.mark.parametrize(
+    ("text", "extra"),
+    [
+        (rows("frequency [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), ""),
+        (rows("freq_hz,mag_db,phase_deg", F, 20 * np.log10(MAG), np.degrees(ARG)), ""),
+        (rows("omega,gain (dB),phase (deg)", 2 * np.pi * F, 20 * np.log10(MAG), np.degrees(ARG)), ""),
+        (rows("w [rad/s];|G| [abs];arg [rad]", 2 * np.pi * F, MAG, ARG, separator=";").replace(".", ","), ""),
+        (rows("f (Hz)\treal\timag", F, G.real, G.imag, separator="\t"), ""),
+        (rows("", F, MAG, ARG, separator=" "),
+         POLAR + 'units = { frequency = "Hz", magnitude = "abs", phase = "rad" }\n'),
+        ("\n".join(",".join(f"{v:.12g}" for v in line) for line in (2 * np.pi * F, MAG, ARG)),
+         POLAR + 'units = { frequency = "rad/s", magnitude = "abs", phase = "rad" }\n'),
+        (rows("Hz,magnitude [dB],phase", F, 20 * np.log10(MAG), np.degrees(np.unwrap(ARG))), ""),
+        (rows("frequency [Hz],magnitude [abs],phase [rad]", F[::-1], MAG[::-1], ARG[::-1]), ""),
+    ],
+)  # fmt: skip
+def test_every_shape_is_the_same_response(text: str, extra: str, tmp_path: Path) -> None:
+    runs = dataset(tmp_path, text, extra=extra)
+    frf = runs.frfs[0]
+    assert close(frf) and frf.unit == "rad/(N m)"
+    assert np.allclose(frf.excitation, 1e-3) and np.allclose(frf.amplitude, 1e-3 * np.abs(G))
+    assert "position over torque" in runs.notes[0] and "40 frequencies" in runs.notes[0]
+
+
+def test_matlab_vectors_complex_and_not(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"f": F[:, None], "H": G[None, :]})
+    columns = 'columns = { real = "H.real", imag = "H.imag" }\n'
+    (tmp_path / "dataset.toml").write_text(ENTRY.format("a.mat") + columns + 'units = { frequency = "Hz" }\n')
+    assert close(load(tmp_path).frfs[0])
+    scipy.io.savemat(tmp_path / "a.mat", {"freq": F, "mag": MAG, "phase": ARG})
+    text = ENTRY.format("a.mat") + 'units = { frequency = "Hz", magnitude = "abs", phase = "rad" }\n'
+    (tmp_path / "dataset.toml").write_text(text)
+    assert close(load(tmp_path).frfs[0])
+
+
+@needs_uff
+def test_universal_file_states_its_frequency(tmp_path: Path) -> None:
+    formats.write(tmp_path / "a.uff", {"frequency": F, "real": G.real, "imag": G.imag})
+    (tmp_path / "dataset.toml").write_text(ENTRY.format("a.uff"))
+    assert close(load(tmp_path).frfs[0])
+
+
+def test_universal_files_without_pyuff_say_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.uff").write_text("    -1\n    58\n")
+    monkeypatch.setitem(__import__("sys").modules, "pyuff", None)
+    with pytest.raises(DataError, match=r"pip install 'gms-mujoco\[uff\]'"):
+        formats.read(tmp_path / "a.uff")
+
+
+def test_units_of_both_ends_scale_and_torque_constant(tmp_path: Path) -> None:
+    text = rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG)
+    frf = dataset(tmp_path, text, extra='units = { input = "mNm", output = "deg" }\n').frfs[0]
+    assert close(frf, G * np.pi / 180 / 1e-3)
+    assert close(dataset(tmp_path, text, extra="scale = 2.0\n").frfs[0], 2 * G)
+    entry = ENTRY.replace("torque", "current").format("level.csv")
+    (tmp_path / "dataset.toml").write_text("[axis]\ntorque_constant = 0.2\n" + entry)
+    frf = load(tmp_path).frfs[0]
+    assert close(frf, G / 0.2) and frf.input == "torque" and np.allclose(frf.excitation, 0.2e-3)
+    (tmp_path / "dataset.toml").write_text(entry)
+    with pytest.raises(DataError, match="torque_constant"):
+        load(tmp_path)
+
+
+def test_what_we_write_comes_back(tmp_path: Path) -> None:
+    assert close(dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0])
+    with pytest.raises(DataError, match=r"2 responses .* its own file"):
+        dataset(tmp_path, to_csv([FRF("a", F, G), FRF("b", F, G)]))
+
+
+# Repeats.
+
+
+def test_outliers_among_repeats_have_no_weight() -> None:
+    rng = np.random.default_rng(0)
+    repeats = G[:, None] * (1 + 0.01 * (rng.standard_normal((40, 12)) + 1j * rng.standard_normal((40, 12))))
+    repeats[:, 3] *= 40
+    repeats[::2, 8] *= -1
+    where, mean, sigma, count, _ = average_repeats(np.repeat(F, 12), repeats.ravel())
+    assert np.allclose(where, F) and (count == 12).all() and sigma is not None
+    z = np.abs(mean - G) / sigma
+    assert np.abs(mean / G - 1).max() < 0.02 and np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.35)
+
+
+def test_mean_of_few_repeats() -> None:
+    assert robust_mean(np.array([1 + 1j])) == (1 + 1j, 0.0, 1)
+    assert robust_mean(np.array([1.0, 3.0]))[0] == 2
+    assert robust_mean(np.array([1.0, 1.0, 50.0]))[::2] == (1, 2)
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    ("text", "extra", "words"),
+    [
+        (rows("", F, MAG, ARG), "", ["3 columns", "columns = { frequency = 0"]),
+        (rows("frequency,magnitude [abs],phase [rad]", F, MAG, ARG), "", ["Hz or rad/s", "units = { frequency"]),
+        (rows("f [Hz],magnitude,phase [rad]", F, MAG, ARG), "", ["abs or dB", "units = { magnitude"]),
+        (rows("f [Hz],magnitude [abs],phase", F, MAG, ARG), "", ["rad or deg", "units = { phase"]),
+        (rows("f [Hz],magnitude [abs]", F, MAG), "", ["magnitude and phase"]),
+        (rows("f [Hz],w [rad/s],magnitude [abs],phase [rad]", F, F, MAG, ARG), "", ["may each be the frequency"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, -MAG, ARG), "", ["abs is positive"]),
+        (rows("f [Hz],magnitude [dB],phase [rad]", F, 1e4 * MAG, ARG), "", ["is it abs"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", -F, MAG, ARG), "", ["positive"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG * np.where(F > 100, np.nan, 1), ARG), "",
+         ["line", "magnitude is nan"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'units = { phase = "grad" }\n', ["units.phase"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'columns = { gain = "a" }\n', ["columns.gain"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'columns = { phase = "p" }\n', ["no column 'p'"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), "columns = { phase = 7 }\n", ["no column 7"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'units = { input = "deg" }\n', ["units.input"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'use = "test"\n', ["use must be"]),
+        ("f [Hz],magnitude [abs],phase [rad]\n1,x,2\n", "", ["'x' is not a number"]),
+        ("f [Hz],magnitude [abs],phase [rad]\n", "", ["no samples"]),
+    ],
+)  # fmt: skip
+def test_ambiguity_says_how_to_settle_it(text: str, extra: str, words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(DataError) as caught:
+        dataset(tmp_path, text, extra=extra)
+    message = str(caught.value)
+    assert "\n" not in message and "frf 1 (level.csv)" in message
+    for word in words:
+        assert word in message, message
+
+
+def test_input_and_output_must_be_said(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(rows("f [Hz],real,imag", F, G.real, G.imag))
+    for text, words in (
+        ('[[frf]]\nfile = "a.csv"\noutput = "position"\n', 'input = "torque"'),
+        ('[[frf]]\nfile = "a.csv"\ninput = "effort"\noutput = "position"\n', "input must be one of"),
+        ('[[frf]]\nfile = "b.csv"\ninput = "torque"\noutput = "position"\n', "no such file"),
+        ("[[frf]]\n", "file must be the name"),
+    ):
+        (tmp_path / "dataset.toml").write_text(text)
+        with pytest.raises(DataError, match=words):
+            load(tmp_path)
+
+
+cell = st.sampled_from(["0", "1", "-1", "1e308", "nan", "", "x", "0.5", "1e-3", "2,5"])
+header = st.sampled_from(["f [Hz]", "w", "mag", "phase [deg]", "real", "imag", "gain_db", "a", "response"])
+
+
+@anyhow
+@given(
+    names=st.lists(header, min_size=1, max_size=4), body=st.lists(st.lists(cell, min_size=1, max_size=4), max_size=9)
+)
+def test_any_table_is_a_response_or_one_line(names: list[str], body: list[list[str]], tmp_path: Path) -> None:
+    try:
+        runs = dataset(tmp_path, "\n".join([",".join(names), *map(",".join, body)]))
+        assert len(runs.frfs) == 1
+    except DataError as error:
+        assert "\n" not in str(error) and "level.csv" in str(error)
+
+
+# Data that others measured.
+
+
+def test_flexible_link_and_its_antiresonance(data: Path) -> None:
+    files = sorted((data / "flexlink_frf").glob("*.dat"))
+    if not files:
+        pytest.skip("no flexlink_frf")
+    columns = {"frequency": 0, "magnitude": 1, "phase": 2}
+    unit = {"frequency": "rad/s", "magnitude": "abs", "phase": "rad"}
+    for file in files:
+        frf = from_table(formats.read(file), file.name, "voltage", "position", columns=columns, unit=unit)
+        assert len(frf) == 100
+        if "May-2025_1825" in file.name or "16-Apr" in file.name:
+            found, low, high = (2 * np.pi * f for f in find_antiresonance(frf, 2, 7))
+            assert 24 < low < found < high < 28 and frf.sigma is not None
+            assert "outliers without weight" in frf.notes[1]
+
+
+def test_tabulated_motor_bode(data: Path) -> None:
+    file = data / "dcmotor_bode/raw_motor_data.dat"
+    if not file.exists():
+        pytest.skip("no dcmotor_bode")
+    columns = {"frequency": 0, "magnitude": 1, "phase": 2}
+    unit = {"frequency": "Hz", "magnitude": "abs"}
+    frf = from_table(formats.read(file), "bode", "voltage", "velocity", columns=columns, unit=unit)
+    assert len(frf) == 36 and "phase [deg]" in frf.notes[0]
+    assert np.angle(frf.response[0]) == pytest.approx(np.radians(-3))
+
+
+@needs_uff
+def test_measured_universal_files(data: Path) -> None:
+    folder = data / "uff"
+    if not folder.exists():
+        pytest.skip("no uff")
+    ascii_, binary = (formats.read(folder / n) for n in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff"))
+    assert list(ascii_.columns) == ["time", "Pressure"] and ascii_.units["Pressure"] == "Pa"
+    assert np.allclose(ascii_.columns["Pressure"], binary.columns["Pressure"], rtol=1e-5)
+    frf = from_table(formats.read(folder / "non_ascii_header.uff"), "a", "torque", "acceleration")
+    assert len(frf) == 5 and frf.response[0] == pytest.approx(-0.0599924 - 0.055326j)
+    with pytest.raises(DataError, match="psd"):
+        from_table(formats.read(folder / "sample_dataset58_psd.uff"), "a", "torque", "acceleration")
+
+
+def test_antiresonance_of_a_known_curve() -> None:
+    f = np.geomspace(1, 30, 60)
+    curve = (7.3**2 - f**2 + 0.2j * f) / (20**2 - f**2 + 2j * f)
+    rng = np.random.default_rng(0)
+    inside = 0
+    for _ in range(40):
+        noisy = curve + 0.003 * (rng.standard_normal(60) + 1j * rng.standard_normal(60))
+        sigma = np.full(60, 0.003 * np.sqrt(2))
+        found, low, high = find_antiresonance(FRF("a", f, noisy, sigma=sigma), 3, 15)
+        assert found == pytest.approx(7.3, rel=0.02)
+        inside += low < 7.3 < high
+    assert inside >= 36
+    with pytest.raises(DataError, match="no dip"):
+        find_antiresonance(FRF("a", f, 1 / f + 0j), 3, 15)
