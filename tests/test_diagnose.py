@@ -62,13 +62,15 @@ def test_the_hidden_effect_is_named_and_brings_the_error_to_the_floor(found: dic
 
 
 @pytest.mark.parametrize("name", HIDDEN)
-def test_the_intervals_of_what_was_found_are_beside_it(found: dict[str, Diagnosis], name: str) -> None:
+def test_what_was_found_has_its_numbers_and_of_those_identified_the_interval(found: dict[str, Diagnosis], name: str) -> None:
     table = found[name].to_dict()["steps"][1]["parameters"]
-    free = {f"{name}.{p.name}" for p in type(HIDDEN[name]).parameters if p.free}
-    assert set(table) == free
-    for entry in table.values():
-        low, high = entry["ci95"]
-        assert low < entry["value"] < high and entry["unit"]
+    free = {f"{name}.{p.name}": p.free for p in type(HIDDEN[name]).parameters}
+    assert set(table) == set(free)
+    for label, entry in table.items():
+        assert entry["unit"] and (entry["ci95"] is not None) == free[label]
+        if free[label]:
+            low, high = entry["ci95"]
+            assert low < entry["value"] < high
 
 
 def test_a_healthy_axis_is_adequate(found: dict[str, Diagnosis]) -> None:
