@@ -62,7 +62,7 @@ def test_the_hidden_effect_is_named_and_brings_the_error_to_the_floor(found: dic
 
 
 @pytest.mark.parametrize("name", HIDDEN)
-def test_what_was_found_has_its_numbers_and_of_those_identified_the_interval(found: dict[str, Diagnosis], name: str) -> None:
+def test_what_was_found_has_its_numbers_and_intervals(found: dict[str, Diagnosis], name: str) -> None:
     table = found[name].to_dict()["steps"][1]["parameters"]
     free = {f"{name}.{p.name}": p.free for p in type(HIDDEN[name]).parameters}
     assert set(table) == set(free)
