@@ -307,7 +307,7 @@ def fit(
 
     Raises:
         DataError: no records.
-        ModelError: an effect needs a signal that a record lacks.
+        ModelError: a parameter has no value and cannot be identified.
     """
     report = progress or (lambda done, message: None)
     report(0.0, "looking at the records")
