@@ -200,7 +200,7 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 def _frf(options: argparse.Namespace) -> None:
     from .dahl_resonance import find_resonance, identify_dahl
-    from .frf import estimate_frf, to_csv
+    from .frf import estimate_frf, join_sines, to_csv
 
     output = files.expect_writable(options.output) if options.output else None
     for key in ("period", "segment"):
@@ -210,11 +210,12 @@ def _frf(options: argparse.Namespace) -> None:
     found = list(runs.frfs)
     for record in runs.records:
         try:
-            found.append(estimate_frf(record, period=options.period, segment=options.segment))
+            found.append(estimate_frf(record, period=options.period, segment=options.segment, kind=runs.kind))
         except DataError as error:
             print(f"{PROGRAM}: warning: left out: {error}", file=sys.stderr)
     if not found:
         raise DataError(f"{options.dataset}: no record gives a frequency response")
+    found = join_sines(found)
     if output:
         files.write_text(output, to_csv(found))
     unit = "rad" if runs.kind == "hinge" else "m"

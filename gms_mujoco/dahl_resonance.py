@@ -33,7 +33,7 @@ from scipy import optimize
 from . import effects
 from .errors import DataError
 from .frf import FRF
-from .plant import Plant
+from .plant import Plant, slide_unit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -255,27 +255,35 @@ def identify_dahl(
     """Friction, and where it is not given the inertia, from every point of frequency responses at several amplitudes.
 
     Args:
-        frfs: from torque, with their amplitude known.
+        frfs: from torque, with their amplitude known, measured one sine at a time (taken for granted where `sine` of a
+            response is None).
         inertia: [kg m^2]; None: from the same fit, which the points above the resonance decide.
         kind: of the joint.
         viscous: whether viscous drag may take part of the damping.
 
     Raises:
-        DataError: responses that are not from torque or lack their amplitude, or that have fewer than two amplitudes.
+        DataError: responses that are not from torque, lack their amplitude, were measured with many frequencies at
+            once, or have all the same amplitude.
     """
     if not frfs:
         raise DataError("no frequency responses; at least two amplitudes are needed")
     all_ = [_with_amplitude(f) for f in frfs]
+    for f in all_:
+        if f.sine is False:
+            raise DataError(
+                f"{f.name}: measured with many frequencies at once, where friction has no amplitude of its own for "
+                "each; measure one sine at a time, or fit the records in time"
+            )
     size = np.concatenate([f.amplitude for f in all_])
     if size.max() < 1.2 * size.min():
         raise DataError("all points have the same amplitude; measure at several, best a decade or more apart")
     omega = np.concatenate([f.omega for f in all_])
     inverse = 1 / np.concatenate([f.response for f in all_])
-    noise = np.concatenate([np.zeros(len(f)) if f.sigma is None else f.sigma for f in all_]) * np.abs(inverse) ** 2
+    sigma = np.concatenate([np.zeros(len(f)) if f.sigma is None else f.sigma for f in all_])
     grid, p, q = _columns(size)
     # What friction can do at a point, so that points on the mass line do not outweigh those that know friction.
     rough = float(np.median(np.abs(inverse.real[omega <= np.median(omega)])))
-    spread = np.hypot(noise, _MODEL_ERROR * (np.abs(inverse) + rough))
+    spread = np.hypot(sigma * np.abs(inverse) ** 2, _MODEL_ERROR * (np.abs(inverse) + rough))
     mass = omega**2
     known = 0.0 if inertia is None else inertia
     column = mass if inertia is None else np.zeros(len(mass))
@@ -298,8 +306,15 @@ def identify_dahl(
         if i >= _ROUNDS - 1 and total > 0:
             breakaway, stiffness = _with_stuck(grid, solution[:-2], size.max())
             new, trusted = harmonic_part(stiffness, breakaway, total, float(solution[-2]), size, omega)
+            if 2 * trusted.sum() < len(omega):
+                raise DataError(
+                    "the responses are not those of an inertia with friction: at most points what fits them best has "
+                    "no periodic motion; are amplitude, units and input right?"
+                )
             harmonic = new if i == _ROUNDS - 1 else 0.5 * (harmonic + new)
-        spread = np.hypot(noise, _MODEL_ERROR * (np.abs(fitted) + np.abs(friction)))
+        # Weights of the fitted values: the measured ones would favour points that noise has made small.
+        near = np.clip(np.abs(fitted), 0.1 * np.abs(inverse), 3 * np.abs(inverse))
+        spread = np.hypot(sigma * near**2, _MODEL_ERROR * (near + np.abs(friction)))
         spread = np.hypot(spread, _CORRECTION_ERROR * np.abs(harmonic))
     if total <= 0:
         raise DataError("the responses do not fall along a mass line; are they from torque to position?")
@@ -417,8 +432,9 @@ def _reading(
         "not determined by these data: coulomb below static, stribeck_velocity, attraction; constant-velocity runs and "
         "reversals at speed determine them"
     )
+    text = "; ".join(said)
     return DahlReading(plant, breakaway, stiffness, stuck, inertia, viscous, (low, high), error, resonances,
-                       "; ".join(said))
+                       text if kind == "hinge" else slide_unit(text))
 
 
 def _merged(grid: Array, weight: Array) -> tuple[Array, Array]:

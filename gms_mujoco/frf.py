@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ Complex = NDArray[np.complex128]
 INPUTS: Mapping[str, str] = {"torque": "N m", "current": "A", "voltage": "V", "reference": "1", "load": "N m"}
 OUTPUTS: Mapping[str, str] = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 METHODS = ("h1", "indirect")
+_SINE = 0.3  # the input is one sine where every other line is below this part of the strongest
 _LINE = 0.02  # a line is excited where its input is above this part of the strongest line
 
 
@@ -44,6 +46,8 @@ class FRF:
             None where the two were not told apart.
         excitation: (n,) amplitude of the input at each frequency [N m], None where unknown.
         amplitude: (n,) amplitude of the output at each frequency [rad], None where unknown.
+        sine: whether each point was measured with a sine of its own, so that `amplitude` is that of the whole motion;
+            False: many frequencies at once; None: unknown.
         use: "fit", "select" or "validate".
         notes: how it was read or estimated, one sentence each.
 
@@ -62,6 +66,7 @@ class FRF:
     sigma_noise: Array | None = None
     excitation: Array | None = None
     amplitude: Array | None = None
+    sine: bool | None = None
     use: str = "fit"
     notes: tuple[str, ...] = ()
 
@@ -116,9 +121,10 @@ class FRF:
             return self
         by = (1j * self.omega) ** power
         size = np.abs(by)
-        scaled = {k: None if (v := getattr(self, k)) is None else v / size for k in _OF_OUTPUT}
-        return replace(self, response=self.response / by, output="position", unit=response_unit(self.input, "position"),
-                       **scaled)  # type: ignore[arg-type]
+        scaled: dict[str, Any] = {k: None if (v := getattr(self, k)) is None else v / size for k in _OF_OUTPUT}
+        kind = "hinge" if "rad" in self.unit else "slide"
+        unit = response_unit(self.input, "position", kind)
+        return replace(self, response=self.response / by, output="position", unit=unit, **scaled)
 
     def band(self, low: float = 0.0, high: float = math.inf) -> FRF:
         """The points from `low` to `high` [Hz]."""
@@ -127,9 +133,8 @@ class FRF:
 
     def where(self, keep: NDArray[np.bool_]) -> FRF:
         """The points where `keep` (n,) holds."""
-        cut = {k: None if (v := getattr(self, k)) is None else v[keep] for k in _OF_OUTPUT + _OF_POINT}
-        return replace(self, frequency=self.frequency[keep], response=self.response[keep],
-                       **cut)  # type: ignore[arg-type]
+        cut: dict[str, Any] = {k: None if (v := getattr(self, k)) is None else v[keep] for k in _OF_OUTPUT + _OF_POINT}
+        return replace(self, frequency=self.frequency[keep], response=self.response[keep], **cut)
 
 
 _OF_OUTPUT = ("sigma", "sigma_noise", "amplitude")
@@ -178,9 +183,10 @@ def estimate_frf(
     method: str = "h1",
     reference: Array | Sequence[Array] | None = None,
     period: float | None = None,
-    transient: int = 1,
+    transient: int | None = None,
     segment: float | None = None,
     hold: bool = True,
+    kind: str = "hinge",
     name: str | None = None,
 ) -> FRF:
     """Estimates a frequency response.
@@ -188,6 +194,7 @@ def estimate_frf(
     Where the input repeats itself, whole periods are averaged, after the first ones are discarded; the points are the
     excited lines. Otherwise averaged windowed segments are used (Welch). Both are H = S_yr / S_ur with r = u ("h1")
     or r the reference of a closed loop ("indirect", without the bias that feedback of noise gives h1).
+    One strong line with weak ones beside it is a sine that the loop or the drive distorts: it gives one point.
     Several records are realisations of one experiment (the same amplitude; other phases or noise): they are averaged,
     and with periods in each of them noise and nonlinear distortion are told apart (best linear approximation:
     Pintelon and Schoukens, System Identification, 2nd ed., chapters 3 and 4).
@@ -198,9 +205,10 @@ def estimate_frf(
         method: "h1" or "indirect".
         reference: (n,) for each record, for "indirect".
         period: of the excitation [s], a whole number of samples; None: found from the input (`find_period`).
-        transient: periods discarded at the start.
+        transient: periods discarded at the start; None: one, or a quarter of the shortest record where that is more.
         segment: length of Welch segments [s] for excitation without period; None: an eighth of the shortest record.
         hold: the input is held from sample to sample by the drive; the response is corrected for it.
+        kind: of the joint, "hinge" or "slide", for the unit of the result.
         name: of the result; default: that of the first record.
 
     Raises:
@@ -240,6 +248,8 @@ def estimate_frf(
             raise DataError(f"period {period:g} s is not a whole number of samples of {h:g} s")
     title = name or runs[0].name
     if samples is not None:
+        if transient is None:
+            transient = max(1, math.ceil(0.25 * min(map(len, inputs)) / samples - 0.01))
         found_ = _periodic(title, inputs, outputs, references, samples, transient, h)
         if output == "position" and (count := max(r.resolution or 0.0 for r in runs)):
             _add_quantisation(found_[2], count, samples)
@@ -254,7 +264,44 @@ def estimate_frf(
             if values.get(key) is not None:
                 values[key] = values[key] / np.abs(factor)
         notes += ("corrected for a torque held from sample to sample",)
-    return FRF(title, frequency, response, input, output, use=runs[0].use, notes=notes, **values)  # type: ignore[arg-type]
+    alone = samples is not None and len(frequency) == 1
+    unit = response_unit(input, output, kind)
+    return FRF(title, frequency, response, input, output, unit, sine=alone, use=runs[0].use, notes=notes,
+               **values)
+
+
+def join_sines(frfs: Sequence[FRF], tolerance: float = 0.02) -> list[FRF]:
+    """Responses of one point each, measured with the same amplitude of torque or of position, as one.
+
+    Args:
+        frfs: in any order; those of several points stay as they are.
+        tolerance: within which amplitudes are the same, relative.
+    """
+    out = [f for f in frfs if not (f.sine and len(f) == 1)]
+    left = [f for f in frfs if f.sine and len(f) == 1]
+    while left:
+        same: list[FRF] = []
+        for key in ("excitation", "amplitude"):
+            size = getattr(left[0], key)[0]
+            alike = [f for f in left if abs(getattr(f, key)[0] / size - 1) < tolerance and f.use == left[0].use]
+            alike = [f for f in alike if (f.input, f.output) == (left[0].input, left[0].output)]
+            same = max(same, alike, key=len)
+        by_frequency = {f.frequency[0]: f for f in reversed(same)}  # one that comes again waits for the next turn
+        same = [by_frequency[k] for k in sorted(by_frequency)]
+        left = [f for f in left if not any(f is s for s in same)]
+        out.append(_joined(same))
+    return out
+
+
+def _joined(frfs: Sequence[FRF]) -> FRF:
+    if len(frfs) == 1:
+        return frfs[0]
+    values: dict[str, Any] = {}
+    for key in ("frequency", "response", *_OF_OUTPUT, *_OF_POINT):
+        parts = [getattr(f, key) for f in frfs]
+        values[key] = None if any(p is None for p in parts) else np.concatenate(parts)
+    notes = (f"{len(frfs)} sines, {frfs[0].name} to {frfs[-1].name}", *frfs[0].notes)
+    return replace(frfs[0], name=f"{frfs[0].name} and {len(frfs) - 1} more", notes=notes, **values)
 
 
 def find_antiresonance(
@@ -327,9 +374,32 @@ def find_period(x: Array) -> int | None:
         return None
     peaks = np.flatnonzero(later > 1 - 2 * (1 - best) - 1e-9) + away[0]
     p = int(peaks[0])
-    while p + 1 < len(likeness) and likeness[p + 1] > likeness[p]:
-        p += 1
-    return p if p >= 4 else None
+    p, exact = _climb(likeness, p)
+    # A period that is no whole number of samples, as of most sines: its multiples tell it ever better, and several
+    # periods together come close to a whole number.
+    many = 1
+    while round(2 * many * exact) < len(likeness) - 1:
+        many *= 2
+        exact = _climb(likeness, round(many * exact))[1] / many
+    most = max(int(n / 3 / exact), 1)
+    off = np.array([abs(m * exact - round(m * exact)) for m in range(1, most + 1)])
+    share = off / (exact * np.arange(1, most + 1))
+    good = np.flatnonzero((off < 0.2 / many) | (share < 1e-5))
+    m = int(good[0] if len(good) else share.argmin()) + 1
+    return round(m * exact) if m * exact >= 4 else None
+
+
+def _climb(y: Array, at: int) -> tuple[int, float]:
+    """The local maximum near `at`: its index, and where the parabola through its neighbours has its own."""
+    at = min(max(at, 1), len(y) - 1)
+    while at + 1 < len(y) and y[at + 1] > y[at]:
+        at += 1
+    while at > 1 and y[at - 1] > y[at]:
+        at -= 1
+    if not 0 < at < len(y) - 1:
+        return at, float(at)
+    bend = y[at - 1] - 2 * y[at] + y[at + 1]
+    return at, at + (0.5 * (y[at - 1] - y[at + 1]) / bend if bend < 0 else 0.0)
 
 
 Found = tuple[Array, Complex, dict[str, Array], str]
@@ -361,6 +431,8 @@ def _periodic(
     strength[0] = 0
     lines = np.flatnonzero(strength > _LINE * strength.max()) if strength.max() > 0 else np.zeros(0, int)
     lines = lines[lines < n / 2]
+    if len(lines) > 1 and np.sort(strength)[-2] < _SINE * strength.max():
+        lines = lines[[int(np.argmax(strength[lines]))]]
     if not len(lines):
         raise DataError(f"{name}: the input does not vary; nothing is excited")
     U, Y, R = ([x[:, lines] for x in xs] for xs in (U, Y, R))

@@ -105,7 +105,7 @@ def stepped_sine(
     joined = {k: None if any(v is None for v in row) else np.concatenate(row) for k, row in rows.items()}
     order = np.unique(np.concatenate([p.frequency for p in points]), return_index=True)[1]
     values: dict[str, Any] = {k: None if v is None else v[order] for k, v in joined.items()}
-    return FRF(f"{held} {amplitude:.3g} {unit}", **values, notes=tuple(notes))
+    return FRF(f"{held} {amplitude:.3g} {unit}", **values, sine=True, notes=tuple(notes))
 
 
 def _run(

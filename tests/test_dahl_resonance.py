@@ -1,5 +1,7 @@
 """Friction from the Dahl resonance, against Maxwell-slip sets that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -223,6 +225,7 @@ def test_data_that_cannot_tell_are_refused() -> None:
     for frfs, words in (
         ([], "no frequency responses"),
         ([frf], "same amplitude"),
+        ([replace(frf, sine=False)], "many frequencies at once"),
         ([FRF("a", frf.frequency, frf.response)], "amplitude of the excitation is not known"),
         ([FRF("a", frf.frequency, frf.response, input="voltage")], "torque to position is needed"),
     ):

@@ -5,7 +5,7 @@ import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError
-from gms_mujoco.frf import FRF, estimate_frf, find_period, hold_factor, to_csv
+from gms_mujoco.frf import FRF, estimate_frf, find_period, hold_factor, join_sines, to_csv
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.simulate import multisine, simulate
@@ -101,6 +101,18 @@ def test_stepped_sine_holds_the_amplitude() -> None:
         assert np.allclose(reached, amplitude, rtol=2.1e-3)
 
 
+def test_sines_of_one_amplitude_are_one_response() -> None:
+    step = 2 * np.pi * np.arange(4000) * H
+    records = [run(a * np.sin(f * step)) for a in (1e-3, 3e-3) for f in (10, 5, 40)]
+    points = [estimate_frf(r) for r in records]
+    assert all(p.sine and len(p) == 1 for p in points)
+    many = estimate_frf(run(np.tile(multisine(1000, H, 4, 200, 5e-3, np.random.default_rng(1)), 4)))
+    assert many.sine is False
+    joined = join_sines([*points, many])
+    assert [len(f) for f in joined] == [len(many), 3, 3] and misfit(joined[1]).max() < 2e-3
+    assert np.allclose(joined[2].excitation, 3e-3, rtol=1e-3)
+
+
 def test_a_drift_of_the_position_leaks_into_no_line() -> None:
     torque = np.tile(multisine(1000, H, 4, 200, 5e-3, np.random.default_rng(4), lines=30), 5)
     still = run(torque)
@@ -115,6 +127,15 @@ def test_the_period_is_found(n: int) -> None:
     noisy = np.tile(wave, 5) + 1e-3 * np.random.default_rng(0).standard_normal(5 * n)
     assert find_period(noisy) == n and find_period(noisy[: n + n // 2]) is None
     assert find_period(np.ones(100)) is None
+
+
+@pytest.mark.parametrize(("frequency", "n"), [(28.0, 500), (60.0, 100), (40.0, 50), (13.3, 1053)])
+def test_of_a_sine_several_periods_make_whole_samples(frequency: float, n: int) -> None:
+    sine = np.sin(2 * np.pi * frequency * np.arange(4000) * H)
+    found = find_period(sine + 0.04 * np.random.default_rng(0).standard_normal(4000))
+    assert found is not None
+    cycles = frequency * found * H
+    assert found == n or abs(cycles - round(cycles)) < 0.01 * round(cycles) / 5
 
 
 def test_responses_to_velocity_and_acceleration_become_compliances() -> None:
