@@ -114,6 +114,13 @@ def test_dialects_of_text_tables(text: str, names: list[str], tmp_path: Path) ->
     assert np.array_equal(list(table.columns.values()), [[0, 1], [1, 2]])
 
 
+def test_lines_that_begin_with_a_name_are_columns_on_their_side(tmp_path: Path) -> None:
+    table = formats.read(csv(tmp_path, "f [Hz];0,5;1;2\nmag;1,5;2;3\n"))
+    assert {k: v.tolist() for k, v in table.columns.items()} == {"f [Hz]": [0.5, 1, 2], "mag": [1.5, 2, 3]}
+    with pytest.raises(DataError, match="line 2: two lines are called 'a'"):
+        formats.read(csv(tmp_path, "a,1,2\na,3,4\n"))
+
+
 def test_text_in_a_column_is_told_with_its_line(tmp_path: Path) -> None:
     table = formats.read(csv(tmp_path, "time,torque,mode\n0,1,idle\n\n1,x2,run\n2,3,run\n"))
     assert list(table.columns) == ["time"]

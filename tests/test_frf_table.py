@@ -54,6 +54,8 @@ def close(frf: FRF, response: np.ndarray = G) -> bool:
          POLAR + 'units = { frequency = "Hz", magnitude = "abs", phase = "rad" }\n'),
         ("\n".join(",".join(f"{v:.12g}" for v in line) for line in (2 * np.pi * F, MAG, ARG)),
          POLAR + 'units = { frequency = "rad/s", magnitude = "abs", phase = "rad" }\n'),
+        ("\n".join(",".join([name, *(f"{v:.12g}" for v in line)])
+                   for name, line in (("omega", 2 * np.pi * F), ("mag [abs]", MAG), ("phase [rad]", ARG))), ""),
         (rows("Hz,magnitude [dB],phase", F, 20 * np.log10(MAG), np.degrees(np.unwrap(ARG))), ""),
         (rows("frequency [Hz],magnitude [abs],phase [rad]", F[::-1], MAG[::-1], ARG[::-1]), ""),
     ],

@@ -1,6 +1,7 @@
 """Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
 
-Lines that start with # or % before the table are comments. With semicolons a decimal comma is understood.
+Lines that start with # or % before the table are comments. With semicolons a decimal comma is understood. A few lines
+that each begin with a name and go on with numbers are columns laid on their side.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from ..files import write_bytes
 from . import Array, Table
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
+_FEW = 12  # lines at most of a table that lies on its side
 
 
 def read(path: Path) -> Table:
@@ -34,6 +36,9 @@ def read(path: Path) -> Table:
     if separator == " ":
         kept = [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
     comma = separator == ";" and any("," in s for _, s in kept[1:3])
+    lying = _lying(path, kept, separator, comma)
+    if lying is not None:
+        return lying
     first = [s.strip().strip('"') for s in kept[0][1].split(separator)]
     named = not all(_is_number(s.replace(",", ".") if comma else s) for s in first)
     names = first if named else [str(i) for i in range(len(first))]
@@ -83,6 +88,21 @@ def _text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")  # a degree or micro sign in a header from a Windows machine
+
+
+def _lying(path: Path, kept: list[tuple[int, str]], separator: str, comma: bool) -> Table | None:
+    """A table with a line per quantity, each with its name in front; None where the lines are not of that kind."""
+    if not 2 <= len(kept) <= _FEW:
+        return None
+    columns: dict[str, Array] = {}
+    for i, line in kept:
+        name, *cells = [s.strip().strip('"') for s in (line.replace(",", ".") if comma else line).split(separator)]
+        if len(cells) < 2 or _is_number(name) or not all(map(_is_number, cells)):
+            return None
+        if name in columns:
+            raise DataError(f"{path}: line {i}: two lines are called {name!r}")
+        columns[name] = np.array([float(c) if c else np.nan for c in cells])
+    return Table(columns)
 
 
 def _is_number(text: str) -> bool:

@@ -38,7 +38,8 @@ def read(path: Path) -> Table:
         kinds = [int(k) for k in file.get_set_types()]
         sets = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == 58]
     if not sets:
-        raise DataError(f"{path}: no dataset 58 (function); it has datasets {sorted(set(kinds)) or 'none'}")
+        whole_ones = f"it has {', '.join(map(str, sorted(set(kinds))))}" if kinds else "it has no whole dataset; cut?"
+        raise DataError(f"{path}: no dataset 58 (function); {whole_ones}")
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     for i, one in enumerate(sets, 1):
