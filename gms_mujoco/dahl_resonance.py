@@ -81,8 +81,8 @@ class DahlReading:
 
     Attributes:
         plant: inertia, GMS friction and, where it was found, viscous drag. Its level is the torque at which all
-            elements slip; the Stribeck curve and the attraction leave no trace in these data and stand at values
-            without effect.
+            elements slip at the speeds of these data: with a Stribeck curve less than the static level. That curve
+            and the attraction are not identified and stand at values without effect.
         breakaway: (m,) break-away distance of each element [rad], rising.
         stiffness: (m,) of each element [N m/rad].
         stuck: stiffness that did not slip at any amplitude [N m/rad].
@@ -429,8 +429,8 @@ def _reading(
             f"a stiffness of {stuck:.3g} N m/rad did not slip: the level is a lower bound; measure at larger amplitudes"
         )
     said.append(
-        "not determined by these data: coulomb below static, stribeck_velocity, attraction; constant-velocity runs and "
-        "reversals at speed determine them"
+        "the level is that at the speeds of these data; coulomb below static, stribeck_velocity and attraction are not "
+        "determined: constant-velocity runs and reversals at speed determine them"
     )
     text = "; ".join(said)
     return DahlReading(plant, breakaway, stiffness, stuck, inertia, viscous, (low, high), error, resonances,
