@@ -81,6 +81,34 @@ def test_save_reload_copy_reset_and_set_state_reproduce_a_trajectory(integration
     assert np.array_equal(run(loaded, mujoco.MjData(loaded), command[:900]), first)
 
 
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_each_simulation_of_a_batch_has_the_friction_of_its_own_model(integration):
+    servo = (
+        '<mujoco><option timestep="0.0005"/><worldbody><body><joint name="shaft" axis="0 0 1" armature="3e-5"/>'
+        '<geom size=".01" mass="1e-6"/></body></worldbody><actuator><motor joint="shaft"/></actuator></mujoco>'
+    )
+    models = []
+    for level in (2e-3, 4e-3, 8e-3):
+        law = effects.GMS(
+            stiffness=[1e3 * level] * 2, fraction=[0.5, 0.5], coulomb=level, static=1.1 * level,
+            stribeck_velocity=0.5, attraction=1.0,
+        )  # fmt: skip
+        models.append(engine.attach(servo, {"shaft": Plant.axis(3e-5) + law}, integration=integration).compile())
+    command, alone = 0.01 * np.sin(0.05 * np.arange(600)), []
+    for model in models:
+        data = mujoco.MjData(model)
+        for u in command:
+            data.ctrl[0] = u
+            mujoco.mj_step(model, data)
+        alone.append(data.qpos[0])
+    batch = Batch(models[0], 3, 2, True)
+    batch.set_models(models)
+    for u in command:
+        batch.ctrl[:] = u
+        batch.step()
+    assert np.array_equal(np.ravel(batch.qpos), alone) and len(set(alone)) == 3
+
+
 @INTEGRATIONS
 def test_rollout_from_mid_run_and_batch_reproduce_a_trajectory(integration):
     command = stick_slip(1500)

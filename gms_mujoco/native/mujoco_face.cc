@@ -79,7 +79,7 @@ struct Unit {  // one joint
 };
 
 struct Instance {
-  Joint joint;
+  std::unique_ptr<Joint> joint = std::make_unique<Joint>();
   int id = -1;
   std::vector<Unit> units;
 };
@@ -96,6 +96,7 @@ struct Group {
 
 struct Handle {  // what plugin_data points to
   Instance instance;
+  const mjModel* model = nullptr;  // that it was read from
   std::shared_ptr<Group> group;
 };
 
@@ -168,13 +169,13 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
     if (!wrong.empty()) return wrong;
     out->units.push_back(unit);
   }
-  const std::string wrong = gms::read_effects(config(m, id), &out->joint);
+  const std::string wrong = gms::read_effects(config(m, id), out->joint.get());
   if (!wrong.empty()) return wrong;
   int start = m->plugin_stateadr[id];
   for (Unit& x : out->units) {
-    x.joint = &out->joint;
-    x.n_state = out->joint.n_state();
-    x.reads_load = out->joint.reads_load();
+    x.joint = out->joint.get();
+    x.n_state = out->joint->n_state();
+    x.reads_load = out->joint->reads_load();
     x.state_start = start;
     start += x.n_state + kBookkeeping;
   }
@@ -333,6 +334,7 @@ int init(const mjModel* m, mjData* d, int id) {
   {
     auto made = std::make_unique<Handle>();
     std::string wrong = read_instance(m, id, &made->instance);
+    made->model = m;
     Handle* first = first_handle(m, d, id);
     made->group = first ? first->group : std::make_shared<Group>();
     Group& g = *made->group;
@@ -410,8 +412,32 @@ inline void compute_passive(const mjModel* m, mjData* d, Group* g, Unit* x) {
   *total = book[kSum] = book[kBase] + f;
 }
 
+// Another model of the same layout may run on this data (mujoco.batch.Batch.set_models): its friction counts.
+void follow(const mjModel* m, int id, Handle* h) {
+  char message[kMessage] = "";
+  {
+    Instance &mine = h->instance, other;
+    std::string wrong = read_instance(m, id, &other);
+    if (wrong.empty() &&
+        (other.units.size() != mine.units.size() || other.joint->n_state() != mine.joint->n_state())) {
+      wrong = "the data was made for a model whose friction has another number of joints or elements";
+    }
+    if (wrong.empty()) {
+      for (const Unit& x : mine.units) h->group->n_late -= x.late();
+      mine.joint = std::move(other.joint);
+      mine.units = std::move(other.units);
+      for (const Unit& x : mine.units) h->group->n_late += x.late();
+      h->model = m;
+    } else {
+      report(m, id, wrong, message);
+    }
+  }
+  if (message[0]) engine.mju_error("%s", message);
+}
+
 void compute(const mjModel* m, mjData* d, int id, int capability) {
   Handle* h = handle(d, id);
+  if (h->model != m) follow(m, id, h);
   Group* g = h->group.get();
   const bool last = &h->instance == g->instances.back();
   if (capability == mjPLUGIN_PASSIVE) {
