@@ -9,7 +9,7 @@ import numpy as np
 
 from . import figure
 from .figure import COLOURS, Curve
-from .plant import Plant, slide_unit
+from .plant import Plant
 
 if TYPE_CHECKING:
     from .compare import Comparison, RecordComparison
@@ -65,23 +65,10 @@ def step_names(table: dict[str, Any]) -> list[str]:
 
 def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
     """Name, value, 95 % interval and unit of every parameter."""
-    rows = []
-
-    def add(name: str, value: float, unit: str) -> None:
-        interval = _interval(value, plant.uncertainty.get(name))
-        rows.append((name, f"{value:.5g}", interval, slide_unit(unit) if plant.kind == "slide" else unit))
-
-    if plant.inertia is not None:
-        add("inertia", plant.inertia, "kg m^2")
-    for e in plant.effects:
-        for p in e.parameters:
-            value = e.values[p.name]
-            if isinstance(value, tuple):
-                for i, v in enumerate(value):
-                    add(f"{e.name}.{p.name}[{i}]", v, p.unit)
-            else:
-                add(f"{e.name}.{p.name}", value, p.unit)
-    return rows
+    return [
+        (name, f"{value:.5g}", _interval(value, plant.uncertainty.get(name)), unit)
+        for name, (value, unit) in plant.numbers().items()
+    ]
 
 
 def _interval(value: float, interval: tuple[float, float] | None) -> str:

@@ -95,6 +95,12 @@ def test_parameters_show_their_interval_and_unit() -> None:
     assert rows == [("inertia", "2", "not seen by this data", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
 
 
+def test_an_effect_with_one_element_shows_its_interval() -> None:
+    plant = Plant.axis(1.0) + effects.find("cogging")(harmonics=[5], amplitude=[0.2], phase=[0.1])
+    rows = report.parameter_rows(replace(plant, uncertainty={"cogging.amplitude": (0.1, 0.3)}))
+    assert ("cogging.amplitude", "0.2", "[0.1, 0.3]", "N m") in rows
+
+
 def test_thinning_keeps_the_peaks_and_the_order() -> None:
     y = np.random.default_rng(0).standard_normal(100_000)
     i = figure.thin(y, 1000)
