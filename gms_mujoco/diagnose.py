@@ -271,8 +271,7 @@ class _Search:
     def error(self) -> float:
         """Torque error on held-out blocks of the current plant."""
         result = self.steps[-1].result
-        residual = result.misfit.residual(result.vector)
-        return result.error * float(np.sqrt(self.held_out.sum() / max(float(residual @ residual), 1e-300)))
+        return result.error * float(np.sqrt(self.held_out.sum() / max(result.misfit.cost(result.vector), 1e-300)))
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
@@ -293,7 +292,7 @@ class _Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *self._tried(current, c)))
-        rough.sort(key=lambda t: _square(t[1], t[2]))
+        rough.sort(key=lambda t: t[1].cost(t[2]))
         trials: list[tuple[str, FitResult, Array]] = []
         for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
             report(0.7 + 0.1 * i, f"refitting with {name}")
@@ -347,14 +346,12 @@ class _Search:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
         plant = current.plant + candidate.effect
         misfit = Misfit(plant, self.seen)
-        extra = np.zeros(misfit.n_memory - current.misfit.n_memory)
-        known = [current.misfit.memory(current.vector, i) for i in range(len(self.seen))]
-        memories = [np.append([] if m is None else m, extra) for m in known]
+        memories = current.misfit.memories(current.vector, misfit.n_memory)
         x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
         if not candidate.strong:
             return misfit, x
         other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), self.seen)
-        return min(((misfit, x), other), key=lambda t: _square(*t))
+        return min(((misfit, x), other), key=lambda t: t[0].cost(t[1]))
 
     def _fresh(self, near: Plant, name: str) -> Plant:
         """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""
@@ -405,19 +402,13 @@ def _evidence(before: Step, step: Step) -> str:
 def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
     plant = result.plant.without(name)
     misfit = Misfit(plant, result.misfit.observations)
-    if misfit.n_memory == result.misfit.n_memory and misfit.n_memory:
-        memories = [result.misfit.memory(result.vector, i) for i in range(len(misfit.observations))]
-        return misfit, misfit.vector(plant, [m for m in memories if m is not None])
+    if misfit.n_memory == result.misfit.n_memory:
+        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
     return misfit, misfit.vector(plant)
 
 
 def _error(result: FitResult) -> float:
     return result.error
-
-
-def _square(misfit: Misfit, x: Array) -> float:
-    residual = misfit.residual(x)
-    return float(residual @ residual)
 
 
 def _by_record(observations: Sequence[Observation], blocks: Array) -> list[Array]:

@@ -89,6 +89,11 @@ class Misfit:
         start = self.n_common + i * self.n_memory
         return x[start : start + self.n_memory]
 
+    def memories(self, x: Array, n: int) -> list[Array]:
+        """States before each observation, made n long with zeros for effects that this plant does not have yet."""
+        known = [self.memory(x, i) for i in range(len(self.observations))]
+        return [np.append(np.empty(0) if m is None else m, np.zeros(n - self.n_memory)) for m in known]
+
     def vector(self, plant: Plant, memories: Sequence[Array] | None = None, skew: float = 0.0) -> Array:
         """The vector of a plant whose elements have never moved, or stand as given."""
         rest = np.zeros(self.n_memory * len(self.observations)) if memories is None else np.concatenate(memories)
@@ -103,7 +108,7 @@ class Misfit:
         x = x.copy()
         plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
 
-        def search(i: int) -> None:
+        for i in range(len(self.observations) if self.n_memory else 0):
             o, memory = self.observations[i].opening(_OPENING), self.memory(x, i)  # a view into x
             assert memory is not None
             applied = o.applied(plant, skew)
@@ -116,9 +121,6 @@ class Misfit:
                         best = cost
                     else:
                         memory[k] = kept
-
-        for i in range(len(self.observations) if self.n_memory else 0):
-            search(i)
         return x
 
     def _one(self, plant: Plant, i: int, x: Array) -> Array:
@@ -129,6 +131,10 @@ class Misfit:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant = self.coordinates.decode(x[: self.coordinates.size])
         return np.concatenate([self._one(plant, i, x) for i in range(len(self.observations))])
+
+    def cost(self, x: Array) -> float:
+        """Squared residual [N^2 m^2]."""
+        return _cost(self.residual(x))
 
     def jacobian(self, x: Array, base: Array | None = None, columns: NDArray[np.intp] | None = None) -> Array:
         """(m, size) derivative of the residual, by forward differences; other `columns` than those asked for are 0."""
@@ -141,7 +147,7 @@ class Misfit:
         upper = self.bounds[1]
         plant = self.coordinates.decode(x[:n])
 
-        def fill(column: int) -> None:
+        for column in range(self.size) if columns is None else columns:
             common = column < self.n_common
             step = _STEP * (scale[column] if column < n else self._shortest if common else 1.0)
             if x[column] + step > upper[column]:
@@ -155,9 +161,6 @@ class Misfit:
             for i in where:
                 rows = slice(starts[i], starts[i] + len(parts[i]))
                 out[rows, column] = (self._one(there, i, moved) - parts[i]) / step
-
-        for column in range(self.size) if columns is None else columns:
-            fill(column)
         return out
 
     def reach(self, x: Array) -> Array:
@@ -338,7 +341,7 @@ def rough_fit(
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
         misfit = Misfit(start, observations, fixed, memory=False)
         x = solve(misfit, misfit.vector(start), max_steps=10)
-        cost = _cost(misfit.residual(x))
+        cost = misfit.cost(x)
         if best is None or cost < best[0]:
             best = cost, misfit.coordinates.decode(x)
     assert best is not None

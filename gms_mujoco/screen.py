@@ -113,7 +113,8 @@ class Screen:
     def _change(self, effect: Effect) -> Array:
         """(m,) what adding the effect does to the residual while everything else stays."""
         moved = Misfit(self.plant + effect, self.misfit.observations)
-        at = moved.vector(self.plant + effect, self._memories(moved.n_memory), self.misfit.skew(self.vector))
+        memories = self.misfit.memories(self.vector, moved.n_memory)
+        at = moved.vector(self.plant + effect, memories, self.misfit.skew(self.vector))
         return moved.residual(at) - self.residual
 
     def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
@@ -128,11 +129,6 @@ class Screen:
             columns.append(self._change(trial) / step)
             names.append((p.name, phase))
         return np.stack(columns, 1), names
-
-    def _memories(self, n: int) -> list[Array]:
-        """The known states before each record, followed by zeros for those of a new effect."""
-        known = [self.misfit.memory(self.vector, i) for i in range(len(self.misfit.observations))]
-        return [np.append(np.empty(0) if m is None else m, np.zeros(n - self.misfit.n_memory)) for m in known]
 
     @staticmethod
     def _allowed(effect: type[Effect], names: Sequence[tuple[str, float]], strength: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
+from gms_mujoco.effect import Effect
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.simulate import multisine, simulate
@@ -21,6 +22,15 @@ GMS = effects.GMS(
 )
 HEALTHY = Plant.axis(J) + GMS + effects.Viscous(coefficient=2e-5)
 UNKNOWN = Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous()
+
+# Effects of a size that matters, for an axis to hide.
+HIDDEN: dict[str, Effect] = {
+    "cogging": effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4]),
+    "gravity": effects.Gravity(amplitude=0.3 * LEVEL, phase=1.0),
+    "torque_offset": effects.TorqueOffset(torque=0.15 * LEVEL),
+    "delay": effects.Delay(time=1.5 * SAMPLE_TIME),
+    "quadratic_drag": effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2),
+}
 
 # Lowest and highest frequency of the torque [Hz], and its rms in friction levels: pre-sliding, break-away, turning.
 REGIMES = ((1.0, 60.0, 0.4), (0.5, 40.0, 1.5), (0.3, 15.0, 4.0))

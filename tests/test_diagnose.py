@@ -7,25 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
 from scipy import stats
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import FALSE_DISCOVERY_RATE, Diagnosis, _discoveries, diagnose
-from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 
-HIDDEN: dict[str, Effect] = {
-    "cogging": effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4]),
-    "gravity": effects.Gravity(amplitude=0.3 * LEVEL, phase=1.0),
-    "torque_offset": effects.TorqueOffset(torque=0.15 * LEVEL),
-    "delay": effects.Delay(time=1.5 * SAMPLE_TIME),
-    "quadratic_drag": effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2),
-}
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 
 

@@ -5,10 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
+from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.effect import Effect
 from gms_mujoco.fit import FitResult, Misfit, block_sums, fit, refine
 from gms_mujoco.plant import Plant
 from gms_mujoco.scales import Scales
@@ -25,13 +24,6 @@ from gms_mujoco.screen import (
     strengths,
 )
 
-HIDDEN: dict[str, Effect] = {
-    "cogging": effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4]),
-    "gravity": effects.Gravity(amplitude=0.3 * LEVEL, phase=1.0),
-    "torque_offset": effects.TorqueOffset(torque=0.15 * LEVEL),
-    "delay": effects.Delay(time=1.5 * SAMPLE_TIME),
-    "quadratic_drag": effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2),
-}
 # What has the hidden effect in it for some values of its parameters gains as much.
 CONTAINS = {"torque_offset": {"spring"}, "delay": {"current_loop_lag"}}
 
