@@ -197,7 +197,7 @@ def _compare_one(
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
     torque = r.torque
-    for effect in plant.effects:
+    for effect in plant.drive:
         torque = effect.deliver(r.time, torque)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")

@@ -163,14 +163,13 @@ class Observation:
         return self.band(np.gradient(held_mean(self.record.torque), self.record.sample_time))
 
     def _delivered(self, plant: Plant) -> Array:
-        drive = [e for e in plant.effects if type(e).deliver is not Effect.deliver]
-        if not drive:
+        if not plant.drive:
             return self._commanded
         # A drive effect shapes the torque inside a sample: it is followed on a finer grid, on which it is held.
         r = self.record
         time = r.time[0] + r.sample_time / _FINE * np.arange(_FINE * len(r))
         torque = np.repeat(r.torque, _FINE)
-        for effect in drive:
+        for effect in plant.drive:
             torque = effect.deliver(time, torque)
         rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
         mean = r.torque.copy()

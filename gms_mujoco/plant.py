@@ -89,6 +89,11 @@ class Plant:
         assert self.inertia is not None
         return self.inertia - sum(e.hidden_inertia for e in self.effects)
 
+    @property
+    def drive(self) -> tuple[Effect, ...]:
+        """The effects that stand between the torque commanded and the torque delivered."""
+        return tuple(e for e in self.effects if type(e).deliver is not Effect.deliver)
+
     def numbers(self) -> dict[str, tuple[float, str]]:
         """Every value with its unit, by its name: "inertia", "effect.parameter" or, of several, with "[i]"."""
         out = {} if self.inertia is None else {"inertia": (float(self.inertia), "kg m^2")}

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .effect import Effect
 from .errors import DataError, ModelError, listing
 from .plant import Plant
 from .record import Record
@@ -57,10 +56,10 @@ def simulate(
     command = np.asarray(torque, float)
     time = np.asarray(sample_time * np.arange(len(command)), float)
     # A drive effect shapes the torque inside a sample: it acts at every time step.
-    parts = substeps if any(type(e).deliver is not Effect.deliver for e in plant.effects) else 1
+    parts = substeps if plant.drive else 1
     delivered = np.repeat(command, parts)
     fine = np.asarray(sample_time / parts * np.arange(len(delivered)), float)
-    for effect in plant.effects:
+    for effect in plant.drive:
         delivered = effect.deliver(fine, delivered)
     motion = plant.joint().simulate(
         plant.driven_inertia, sample_time / parts, delivered, position, velocity, substeps // parts,
