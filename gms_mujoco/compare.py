@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import all_labels
-from .fit import Misfit, observe, relative_error, solve
+from .fit import observe, relative_error
 from .inverse import Observation
+from .least_squares import solve
+from .misfit import Misfit
 from .noise import Noise, estimate_noise, floor_residual, refine_noise
 from .plant import Plant
 from .record import Record

@@ -15,19 +15,11 @@ from .compare import Comparison, compare_observations, quick_torque_error
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import (
-    FitResult,
-    Misfit,
-    Progress,
-    baseline,
-    block_sums,
-    fit_observations,
-    nudge,
-    observe,
-    refine,
-    rough_fit,
-)
+from .fit import FitResult, Progress, baseline, fit_observations, observe, refine, rough_fit
+from .intervals import block_sums
 from .inverse import Observation
+from .least_squares import nudge
+from .misfit import Misfit
 from .plant import Plant
 from .remainder import describe
 from .screen import BLOCK, Candidate, Screen, applicable, cross_validated, is_present

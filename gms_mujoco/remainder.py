@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from .fit import Misfit
+from .misfit import Misfit
 
 Array = NDArray[np.float64]
 

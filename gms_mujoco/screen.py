@@ -20,8 +20,9 @@ from scipy import linalg
 
 from . import effects
 from .effect import Effect
-from .fit import Misfit, block_sums
+from .intervals import block_sums
 from .inverse import Observation
+from .misfit import Misfit
 from .parameter import Parameter
 from .plant import Plant
 from .scales import Scales

@@ -15,6 +15,7 @@ LAYERS = [
     {"effects", "dataset", "frf", "frf_table"},
     {"plant", "coordinates"},
     {"simulate", "inverse", "noise", "scales", "starts", "engine", "tasks"},
+    {"misfit", "least_squares", "intervals"},
     {"servo", "fit", "compare", "sweep", "dahl_resonance"},
     {"screen", "remainder"},
     {"diagnose"},

@@ -8,7 +8,9 @@ import pytest
 from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit import FitResult, Misfit, block_sums, fit, refine
+from gms_mujoco.fit import FitResult, fit, refine
+from gms_mujoco.intervals import block_sums
+from gms_mujoco.misfit import Misfit
 from gms_mujoco.plant import Plant
 from gms_mujoco.scales import Scales
 from gms_mujoco.screen import (

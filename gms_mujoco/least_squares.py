@@ -1,0 +1,65 @@
+"""The vector of least squares of a misfit, by Levenberg-Marquardt with bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .misfit import Misfit, squared
+from .tall import gram
+
+Array = NDArray[np.float64]
+
+
+def solve(
+    misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4, columns: NDArray[np.intp] | None = None
+) -> Array:
+    """The vector of least squares near `start`.
+
+    Levenberg-Marquardt on the normal equations, with the parameters that press against a bound held there: many
+    of the unknowns (states before the first sample, shares) end on a bound, where interior methods crawl.
+
+    Args:
+        misfit: the problem.
+        start: (size,) where to begin.
+        max_steps: at most so many derivatives.
+        tolerance: stops when the cost has fallen by a smaller share in two steps.
+        columns: the unknowns to move; None: all.
+    """
+    lower, upper = misfit.bounds
+    columns = np.arange(misfit.size) if columns is None else columns
+    x = np.clip(start, lower, upper)
+    r = misfit.residual(x)
+    cost, damping = squared(r), 1e-3
+    stalled = 0
+    for _ in range(max_steps if len(columns) else 0):
+        jacobian = misfit.jacobian(x, r, columns)[:, columns]
+        gradient, hessian = gram(jacobian, r), gram(jacobian, jacobian)
+        push = np.zeros(misfit.size)
+        push[columns] = gradient
+        free = np.flatnonzero(~misfit.held(x, push)[columns] & (np.diag(hessian) > 0))
+        if not len(free):
+            break
+        moving = columns[free]
+        scale = np.sqrt(np.diag(hessian)[free])
+        normal = hessian[np.ix_(free, free)] / np.outer(scale, scale)
+        before = cost
+        for _ in range(12):
+            step = np.linalg.solve(normal + damping * np.eye(len(free)), gradient[free] / scale) / scale
+            trial = x.copy()
+            trial[moving] = np.clip(x[moving] - np.clip(step, -3, 3), lower[moving], upper[moving])
+            r_trial = misfit.residual(trial)
+            cost_trial = squared(r_trial)
+            if cost_trial < cost:
+                x, r, cost, damping = trial, r_trial, cost_trial, max(damping / 5, 1e-9)
+                break
+            damping *= 4
+        stalled = stalled + 1 if before - cost <= tolerance * before else 0
+        if stalled == 2 or cost == before:
+            break
+    return x
+
+
+def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:
+    """A few steps of the parameters alone: enough to see how good a fit will be."""
+    return solve(misfit, misfit.settle(x), max_steps, tolerance=3e-3, columns=np.arange(misfit.n_common))
