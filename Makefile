@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: build test lint types check clean
+.PHONY: build test lint types docs check clean
 
 build:  ## virtual environment with the package as it stands in this tree
 	$(PYTHON) -m venv .venv
@@ -17,7 +17,10 @@ lint:
 types:
 	$(BIN)/mypy --python-executable $(BIN)/python
 
-check: build lint types test
+docs:  ## the pages, in build/docs
+	$(BIN)/mkdocs build -q --strict -f docs/mkdocs.yml
+
+check: build lint types docs test
 
 clean:
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache gms_mujoco/native/*.so

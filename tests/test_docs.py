@@ -1,0 +1,66 @@
+"""The documentation: it builds without a warning, and what it promises runs as printed."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gms_mujoco.cli import main
+from gms_mujoco.dataset import load
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+OWN_LOG = (DOCS / "pages" / "your_own_log.md").read_text(encoding="utf-8")
+
+
+def block(language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", OWN_LOG, re.S)
+    assert found, f"no {language} block"
+    return found.group(1)
+
+
+@pytest.fixture
+def foreign_log(small_set: Path, tmp_path: Path) -> Path:
+    """A folder with the page's dataset.toml beside logs in the page's layout."""
+    header = block("text").splitlines()[0]
+    runs = load(small_set)
+    for name, r in zip(("bench_17.csv", "bench_18.csv"), (runs.fit[0], runs.validate[0]), strict=True):
+        columns = np.column_stack([1e3 * (r.time - r.time[0]), 1e3 * r.torque / 0.02, np.degrees(r.position)])
+        rows = (";".join(f"{x:.9f}".replace(".", ",") for x in row) for row in columns)
+        (tmp_path / name).write_text("\n".join([header, *rows]), encoding="latin-1")
+    (tmp_path / "dataset.toml").write_text(block("toml"))
+    return tmp_path
+
+
+def test_a_log_in_a_foreign_layout_leads_to_a_verdict(foreign_log, monkeypatch, capsys):
+    monkeypatch.chdir(foreign_log)
+    command = shlex.split(block("sh"))
+    assert command[0] == "gms-mujoco"
+    assert main(command[1:]) == 0
+    assert "verdict:" in capsys.readouterr().out
+    assert {"report.html", "model.toml", "diagnosis.json", "recording.rrd"} <= {
+        p.name for p in (foreign_log / "diagnosis").iterdir()
+    }
+
+
+def test_the_foreign_layout_is_read_into_si(foreign_log, small_set):
+    for read, meant in zip(load(foreign_log).fit, load(small_set).fit[:1], strict=True):
+        np.testing.assert_allclose(read.position, meant.position, atol=1e-8)
+        np.testing.assert_allclose(read.torque, meant.torque, atol=1e-8)
+
+
+def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
+    pytest.importorskip("mkdocs", reason="needs the extra docs")
+    pytest.importorskip("mkdocstrings", reason="needs the extra docs")
+    from mkdocs.commands.build import build
+    from mkdocs.config import load_config
+
+    config = load_config(str(DOCS / "mkdocs.yml"), strict=True, site_dir=str(tmp_path / "site"))
+    build(config)  # raises Abort where anything was warned of
+    pages = {p.name for p in (tmp_path / "site" / "effects").glob("*.html")}
+    from gms_mujoco.effects import CATALOGUE
+
+    assert pages == {f"{name}.html" for name in CATALOGUE}
+    for page in (tmp_path / "site").rglob("*.html"):
+        assert not re.search(r'(src|href)="https?://(?!www\.mkdocs\.org)', page.read_text(encoding="utf-8")), page
