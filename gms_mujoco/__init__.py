@@ -19,6 +19,7 @@ from .diagnose import Diagnosis, diagnose
 from .effect import Effect
 from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
+from .files import MODELS
 from .fit import FitResult, baseline, fit
 from .frf import FRF, estimate_frf
 from .parameter import Parameter
@@ -29,6 +30,7 @@ from .version import __version__
 
 __all__ = [
     "FRF",
+    "MODELS",
     "Comparison",
     "DahlReading",
     "DataError",

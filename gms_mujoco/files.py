@@ -1,4 +1,4 @@
-"""Files that are either whole or absent."""
+"""Files that are either whole or absent, and those that come with the package."""
 
 import os
 import tempfile
@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import GmsError
+
+_HERE = Path(__file__).resolve().parent
+# Of the wheel, or of the tree; MJCF models and plants.
+MODELS = next((p for p in (_HERE / "models", _HERE.parent / "models") if p.is_dir()), _HERE / "models")
 
 
 def write_text(path: str | Path, text: str) -> None:

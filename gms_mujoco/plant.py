@@ -15,7 +15,7 @@ import numpy as np
 from . import effects, native
 from .effect import Effect
 from .errors import ModelError, listing
-from .files import write_text
+from .files import MODELS, write_text
 
 if TYPE_CHECKING:
     import mujoco
@@ -169,14 +169,19 @@ class Plant:
     def load(cls, path: str | Path) -> Plant:
         """Reads `model.toml`.
 
+        Args:
+            path: of the file, or the name of a plant that comes with the package, such as "arm_joint".
+
         Raises:
             ModelError: the file is missing, is not TOML, or names what does not exist.
         """
-        path = Path(path)
+        preset = MODELS / f"{path}.toml"
+        path = preset if preset.is_file() else Path(path)
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise ModelError(f"{path}: no such file") from None
+            presets = listing(p.stem for p in MODELS.glob("*.toml"))
+            raise ModelError(f"{path}: no such file; plants that come with the package are {presets}") from None
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise ModelError(f"{path}: not a readable TOML file ({error})") from None
         try:

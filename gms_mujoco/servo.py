@@ -9,7 +9,6 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
 
 import mujoco
@@ -18,13 +17,12 @@ from numpy.typing import NDArray
 
 from . import engine
 from .errors import ModelError
+from .files import MODELS
 from .plant import Plant
 from .tasks import TASKS, Episode, check_tasks, draw, scale_of
 
 Array = NDArray[np.float64]
 
-_HERE = Path(__file__).resolve().parent
-MODELS = next((p for p in (_HERE / "models", _HERE.parent / "models") if p.is_dir()), _HERE / "models")  # wheel, tree
 JOINT = "shaft"
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with plugin_state, the forces of the elements
 
@@ -33,8 +31,7 @@ def plant_of(plant: Plant | str | os.PathLike[str]) -> Plant:
     """A plant as it is, from a `model.toml`, or the one of models/ with that name ("servo_axis")."""
     if isinstance(plant, Plant):
         return plant.complete()
-    preset = MODELS / f"{os.fspath(plant)}.toml"
-    return Plant.load(preset if preset.is_file() else Path(plant)).complete()
+    return Plant.load(os.fspath(plant)).complete()
 
 
 def axis_model(plant: Plant, timestep: float, torque_limit: float) -> mujoco.MjModel:

@@ -1,5 +1,6 @@
 """The figures that the examples print."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -8,7 +9,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
+import arm_friction
 import free_response
+import transfer
 
 
 @pytest.mark.parametrize(("run", "turned", "speed"), [("pulse", 1.17, 15.4), ("hand_spin", 0.55, 7.6)])
@@ -20,3 +23,17 @@ def test_free_response_reproduces_the_case_study(run, turned, speed):
     f = r.frequencies
     assert f.min() > 10 and f.max() < 100, "tens of Hz"
     assert (np.diff(f) > -0.05).all() and f[-1] > 1.5 * f[0], "the period shrinks as the shaft stops"
+
+
+def test_friction_holds_the_joints_of_an_arm(capsys):
+    arm_friction.main()
+    moved = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+    for joint in ("elbow", "wrist_flex"):
+        free, held = float(moved[joint][1]), float(moved[joint][5])
+        assert abs(free) > 20 and abs(held) < 0.5
+
+
+def test_friction_is_carried_into_another_model(capsys):
+    transfer.main()
+    said = re.search(r"within ([\d.]+) %", capsys.readouterr().out)
+    assert said and float(said[1]) < 2.0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gms_mujoco import effects
 from gms_mujoco.errors import GmsError, ModelError
+from gms_mujoco.files import MODELS
 from gms_mujoco.plant import Plant
 
 GMS = effects.find("gms")(
@@ -91,3 +92,11 @@ def test_any_model_toml_is_read_or_refused_in_one_line(body: list[str], tmp_path
         assert isinstance(Plant.load(tmp_path / "model.toml"), Plant)
     except GmsError as error:
         assert "model.toml" in str(error) and "\n" not in str(error)
+
+
+def test_a_plant_of_the_package_is_known_by_its_name():
+    for file in MODELS.glob("*.toml"):
+        assert Plant.load(file.stem) == Plant.load(file)
+        assert Plant.load(file).provenance["source"], "every number says where it comes from"
+    with pytest.raises(ModelError, match="plants that come with the package are .*servo_axis"):
+        Plant.load("servo_axes")
