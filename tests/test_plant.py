@@ -98,5 +98,5 @@ def test_a_plant_of_the_package_is_known_by_its_name():
     for file in MODELS.glob("*.toml"):
         assert Plant.load(file.stem) == Plant.load(file)
         assert Plant.load(file).provenance["source"], "every number says where it comes from"
-    with pytest.raises(ModelError, match="plants that come with the package are .*servo_axis"):
+    with pytest.raises(ModelError, match=r"plants that come with the package are .*servo_axis"):
         Plant.load("servo_axes")
