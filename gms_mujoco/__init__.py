@@ -12,6 +12,7 @@ Importing the package registers its friction plug-in with MuJoCo.
 
 from . import effects
 from . import registration as _registration  # noqa: F401  makes the environments known to Gymnasium
+from .bench import measure
 from .compare import Comparison, compare
 from .dahl_resonance import DahlReading, identify_dahl
 from .dataset import Dataset, load
@@ -19,6 +20,7 @@ from .diagnose import Diagnosis, diagnose
 from .effect import Effect
 from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
+from .excitation import Excitation
 from .files import MODELS
 from .fit import FitResult, baseline, fit
 from .frf import FRF, estimate_frf
@@ -26,6 +28,7 @@ from .parameter import Parameter
 from .plant import Plant
 from .record import Record
 from .simulate import simulate
+from .sweep import stepped_sine
 from .version import __version__
 
 __all__ = [
@@ -38,6 +41,7 @@ __all__ = [
     "Diagnosis",
     "Effect",
     "EngineError",
+    "Excitation",
     "FitResult",
     "GmsError",
     "ModelError",
@@ -56,6 +60,8 @@ __all__ = [
     "identify_dahl",
     "install_callback",
     "load",
+    "measure",
     "remove_callback",
     "simulate",
+    "stepped_sine",
 ]

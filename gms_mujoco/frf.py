@@ -413,20 +413,22 @@ def _signal(record: Record, key: str) -> Array:
     return value
 
 
+def period_spectra(x: Array, n: int, transient: int) -> Complex:
+    """(periods, n // 2 + 1) complex amplitudes of each whole period of a signal, after the first ones."""
+    count = len(x) // n
+    kept = x[transient * n : count * n].reshape(-1, n)
+    if len(kept) > 1:  # an axis without a spring creeps; a straight drift would leak over all lines
+        middle = np.arange(len(kept)) - (len(kept) - 1) / 2
+        kept = kept - (middle @ kept.mean(1)) / (middle @ middle) / n * (np.arange(n) - (n - 1) / 2)
+    return np.asarray(np.fft.rfft(kept, axis=1) * (2 / n))
+
+
 def _periodic(
     name: str, us: list[Array], ys: list[Array], rs: list[Array], n: int, transient: int, h: float
 ) -> Found:
-    def spectra(x: Array) -> Complex:  # (periods, lines)
-        count = len(x) // n
-        kept = x[transient * n : count * n].reshape(-1, n)
-        if len(kept) > 1:  # an axis without a spring creeps; a straight drift would leak over all lines
-            middle = np.arange(len(kept)) - (len(kept) - 1) / 2
-            kept = kept - (middle @ kept.mean(1)) / (middle @ middle) / n * (np.arange(n) - (n - 1) / 2)
-        return np.fft.rfft(kept, axis=1) * (2 / n)
-
     if min(map(len, us)) < (transient + 1) * n:
         raise DataError(f"{name}: {min(map(len, us))} samples; {transient + 1} periods of {n} are needed")
-    U, Y, R = ([spectra(x) for x in xs] for xs in (us, ys, rs))
+    U, Y, R = ([period_spectra(x, n, transient) for x in xs] for xs in (us, ys, rs))
     strength = np.sqrt(np.mean([np.mean(np.abs(r) ** 2, 0) for r in R], 0))
     strength[0] = 0
     lines = np.flatnonzero(strength > _LINE * strength.max()) if strength.max() > 0 else np.zeros(0, int)

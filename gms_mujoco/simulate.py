@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, ModelError, listing
+from .excitation import multisine
 from .plant import Plant
 from .record import Record
+
+__all__ = ["multisine", "simulate"]  # a torque command and what it does
 
 Array = NDArray[np.float64]
 
@@ -80,22 +81,3 @@ def simulate(
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
     return Record(name, time, signals, use, resolution)
-
-
-def multisine(
-    n: int, sample_time: float, low: float, high: float, rms: float, rng: np.random.Generator, lines: int = 120
-) -> Array:
-    """(n,) periodic random-phase multisine with a flat spectrum [N m].
-
-    Args:
-        n: samples; the period is the whole of it.
-        low, high: first and last frequency [Hz].
-        rms: of the signal [N m].
-        lines: at most so many frequencies, spread evenly in logarithm.
-    """
-    step = 1 / (n * sample_time)
-    numbers = np.unique(np.geomspace(max(low / step, 1), high / step, lines).astype(int))
-    spectrum = np.zeros(n // 2 + 1, complex)
-    spectrum[numbers] = np.exp(2j * math.pi * rng.random(len(numbers)))
-    signal = np.fft.irfft(spectrum, n)
-    return signal * rms / np.sqrt(np.mean(signal**2))
