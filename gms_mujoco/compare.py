@@ -198,22 +198,21 @@ def _compare_one(
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
-    torque = r.torque
-    for effect in plant.drive:
-        torque = effect.deliver(r.time, torque)
+    torque = plant.delivered(r.torque, r.sample_time, _SUBSTEPS)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")
+    fine_load, fine_temperature = (None if x is None else np.repeat(x, _SUBSTEPS) for x in (load, temperature))
     states = joint.replay(r.time, o.position, o.velocity, load, temperature, memory, states=True).states
     assert states is not None
     length = max(round(WINDOW / r.sample_time), 2)
     wrong, moved = [], []
     for a in range(int(o.index[0]), len(r) - length, length):
-        here = slice(a, a + length + 1)
+        here = slice(a * _SUBSTEPS, (a + length) * _SUBSTEPS + 1)
         motion = joint.simulate(
-            plant.driven_inertia, r.sample_time, torque[here], float(o.position[a]), float(o.velocity[a]), _SUBSTEPS,
+            plant.driven_inertia, r.sample_time / _SUBSTEPS, torque[here], float(o.position[a]), float(o.velocity[a]),
             start=float(r.time[a]), state=states[a],
-            load=None if load is None else load[here],
-            temperature=None if temperature is None else temperature[here],
+            load=None if fine_load is None else fine_load[here],
+            temperature=None if fine_temperature is None else fine_temperature[here],
         )  # fmt: skip
         # Half a time step of the velocity back: see simulate.
         lead = 0.5 * r.sample_time / _SUBSTEPS * (motion.velocity[-1] - motion.velocity[0])

@@ -165,12 +165,8 @@ class Observation:
     def _delivered(self, plant: Plant) -> Array:
         if not plant.drive:
             return self._commanded
-        # A drive effect shapes the torque inside a sample: it is followed on a finer grid, on which it is held.
         r = self.record
-        time = r.time[0] + r.sample_time / _FINE * np.arange(_FINE * len(r))
-        torque = np.repeat(r.torque, _FINE)
-        for effect in plant.drive:
-            torque = effect.deliver(time, torque)
+        torque = plant.delivered(r.torque, r.sample_time, _FINE)
         rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
         mean = r.torque.copy()
         mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import effects, native
 from .effect import Effect
@@ -93,6 +94,26 @@ class Plant:
     def drive(self) -> tuple[Effect, ...]:
         """The effects that stand between the torque commanded and the torque delivered."""
         return tuple(e for e in self.effects if type(e).deliver is not Effect.deliver)
+
+    def delivered(self, command: NDArray[np.float64], sample_time: float, parts: int) -> NDArray[np.float64]:
+        """Torque that the drive delivers for a command that is held from sample to sample.
+
+        Drive effects shape the torque inside a sample, so they are followed on a finer grid.
+
+        Args:
+            command: (n,) torque command [N m].
+            sample_time: [s].
+            parts: of a sample, over each of which the torque is held.
+
+        Returns:
+            (parts * n,) mean torque over each part [N m].
+        """
+        torque = np.repeat(np.asarray(command, float), parts)
+        if self.drive:
+            time = sample_time / parts * np.arange(len(torque))
+            for effect in self.drive:
+                torque = effect.deliver(time, torque)
+        return torque
 
     def numbers(self) -> dict[str, tuple[float, str]]:
         """Every value with its unit, by its name: "inertia", "effect.parameter" or, of several, with "[i]"."""

@@ -58,10 +58,7 @@ def simulate(
     time = np.asarray(sample_time * np.arange(len(command)), float)
     # A drive effect shapes the torque inside a sample: it acts at every time step.
     parts = substeps if plant.drive else 1
-    delivered = np.repeat(command, parts)
-    fine = np.asarray(sample_time / parts * np.arange(len(delivered)), float)
-    for effect in plant.drive:
-        delivered = effect.deliver(fine, delivered)
+    delivered = plant.delivered(command, sample_time, parts)
     motion = plant.joint().simulate(
         plant.driven_inertia, sample_time / parts, delivered, position, velocity, substeps // parts,
         load=None if load is None else np.repeat(load, parts),

@@ -174,3 +174,18 @@ def test_drift_follows_the_time_stamps_of_a_part_of_a_record():
     joint = plant.joint()
     part = joint.replay(*(x[4000:] for x in motion)).torque
     assert np.array_equal(part[1:], joint.replay(*motion).torque[4001:])
+
+
+@pytest.mark.parametrize("drive", [effects.CurrentLoopLag(time=4e-4), effects.Delay(time=1.6e-3)], ids=lambda e: e.name)
+def test_inside_a_sample_the_drive_delivers_what_it_does_over_the_sample(drive: effects.Effect) -> None:
+    """Where parts of a sample are whole in the delay, their mean is exactly that of the sample."""
+    h, parts = 1e-3, 10
+    command = np.random.default_rng(0).standard_normal(200)
+    fine = (Plant.axis(1.0) + drive).delivered(command, h, parts)
+    coarse = drive.deliver(h * np.arange(200), command)
+    assert fine.reshape(-1, parts).mean(1) == pytest.approx(coarse, abs=1e-12)
+    assert np.ptp(fine.reshape(-1, parts), axis=1).max() > 0.1
+
+
+def test_without_a_drive_effect_the_command_is_delivered() -> None:
+    assert Plant.axis(1.0).delivered(np.array([1.0, 2.0]), 1e-3, 3).tolist() == [1, 1, 1, 2, 2, 2]
