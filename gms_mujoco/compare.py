@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from .fit import observe, relative_error
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
-from .noise import Noise, estimate_noise, floor_residual, refine_noise
+from .noise import Noise, estimate_noise, refine_noise, sampling_residual, sensor_residual
 from .plant import Plant
 from .record import Record
+from .residual_maps import Regime, ResidualMap
+from .residuals import Residuals
 
 Array = NDArray[np.float64]
 
@@ -40,6 +43,8 @@ class RecordComparison:
         needed: (m,) band-limited torque that the plant needs along the measured motion [N m].
         floor: (m,) residual that sensor noise alone leaves, one draw [N m].
         memory: state of the effects before the first sample, estimated on the record; None: there is none.
+        sampling: (m,) the part of `floor` that is known, not drawn: what sampling does to the needed torque [N m].
+        observation: the record through its band, where the joint was given the plant's sensor effects.
     """
 
     name: str
@@ -54,6 +59,8 @@ class RecordComparison:
     needed: Array
     floor: Array
     memory: Array | None = None
+    sampling: Array = field(kw_only=True, repr=False)
+    observation: Observation = field(kw_only=True, repr=False)
 
     @property
     def residual(self) -> Array:
@@ -79,6 +86,29 @@ class Comparison:
     noise_floor: float
     bandwidth: float
 
+    @cached_property
+    def _residuals(self) -> Residuals:
+        return Residuals(self.plant, self.records)
+
+    @cached_property
+    def views(self) -> tuple[ResidualMap, ...]:
+        """The residual over time, position, velocity, reversals, frequency ..., each with its noise band."""
+        return self._residuals.views()
+
+    @cached_property
+    def regimes(self) -> tuple[Regime, ...]:
+        """The error in pre-sliding, after reversals and in sliding."""
+        return self._residuals.regimes()
+
+    @cached_property
+    def where(self) -> str:
+        """Where the residual leaves its noise band most, in one or two lines."""
+        return self._residuals.where(self.views, self.regimes)
+
+    def view(self, name: str, record: str = "") -> ResidualMap | None:
+        """The view of that name, of all records or of one; None where these records do not have it."""
+        return next((m for m in self.views if (m.name, m.record) == (name, record)), None)
+
     def to_dict(self) -> dict[str, Any]:
         """What `compare --json` writes."""
         return {
@@ -98,6 +128,9 @@ class Comparison:
                 }
                 for r in self.records
             ],
+            "where": self.where,
+            "regimes": [g.to_dict() for g in self.regimes],
+            "views": [m.to_dict() for m in self.views],
         }
 
     def __str__(self) -> str:
@@ -112,7 +145,7 @@ class Comparison:
             lines.append(
                 f"{name:{width}}  {use:8}  {100 * torque:8.2f}  {100 * floor:8.2f}  {100 * simulation:10.2f}"
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, self.where])
 
 
 def compare(plant: Plant, records: Sequence[Record], *, bandwidth: float | None = None) -> Comparison:
@@ -179,7 +212,8 @@ def _compare_one(
 ) -> RecordComparison:
     measured = _applied(plant, o)
     needed = o.needed(plant, memory)
-    floor = floor_residual(o, plant, memory, noise, rng)
+    sampling = sampling_residual(o, plant, memory)
+    floor = sensor_residual(o, plant, memory, noise, rng) + sampling
     return RecordComparison(
         o.record.name,
         o.record.use,
@@ -193,6 +227,8 @@ def _compare_one(
         needed,
         floor,
         memory,
+        sampling=sampling,
+        observation=o.seen_by(plant),
     )
 
 

@@ -137,11 +137,17 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 def floor_residual(
     observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
 ) -> Array:
-    """(m,) residual that `plant` itself would leave on a record like this one [N m].
+    """(m,) residual that `plant` itself would leave on a record like this one [N m]."""
+    return sensor_residual(observation, plant, memory, noise, rng) + sampling_residual(observation, plant, memory)
+
+
+def sensor_residual(
+    observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
+) -> Array:
+    """(m,) part of `floor_residual` that is drawn: the noise of the sensors [N m].
 
     The smoothed motion is taken as true. It is read again through a noisy, quantising encoder and passed through the
-    same inverse dynamics; and the torque of the effects is taken between the samples too, where the inverse dynamics
-    can only draw a straight line.
+    same inverse dynamics.
     """
     r = observation.record
     true = observation.position
@@ -152,5 +158,11 @@ def floor_residual(
     seen = observation.again(true)
     measured = observation.again(read)
     torque = held_mean(noise.torque * rng.standard_normal(len(r)))
-    noisy = observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))
-    return noisy + seen.replay(plant, memory) - seen.replay(plant, memory, parts=_PARTS)
+    return observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))
+
+
+def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:
+    """(m,) part of `floor_residual` that is known: the torque of the effects is taken between the samples too, where
+    the inverse dynamics can only draw a straight line [N m]."""
+    seen = observation.again(observation.position)
+    return seen.replay(plant, memory) - seen.replay(plant, memory, parts=_PARTS)

@@ -108,9 +108,9 @@ class Plant:
         Returns:
             (parts * n,) mean torque over each part [N m].
         """
-        torque = np.repeat(np.asarray(command, float), parts)
+        torque: NDArray[np.float64] = np.repeat(np.asarray(command, np.float64), parts)
         if self.drive:
-            time = sample_time / parts * np.arange(len(torque))
+            time = np.asarray(sample_time / parts * np.arange(len(torque)), float)
             for effect in self.drive:
                 torque = effect.deliver(time, torque)
         return torque

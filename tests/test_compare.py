@@ -1,5 +1,6 @@
 """compare: the true plant is at the floor, a wrong one is not, and each figure is the one it is called."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -99,8 +100,18 @@ def test_the_dictionary_has_the_keys_of_the_contract(healthy: Comparison) -> Non
 
 def test_printed_it_is_a_table(healthy: Comparison) -> None:
     lines = str(healthy).splitlines()
-    assert [line.split()[0] for line in lines[2:]] == ["validate_0", "validate_1", "validate_2", "pooled"]
-    assert f"{100 * healthy.torque_error:.2f}" in lines[-1] and "50 ms" in lines[0]
+    assert [line.split()[0] for line in lines[2:6]] == ["validate_0", "validate_1", "validate_2", "pooled"]
+    assert f"{100 * healthy.torque_error:.2f}" in lines[5] and "50 ms" in lines[0]
+    assert "\n".join(lines[6:]) == healthy.where
+
+
+def test_the_dictionary_shows_every_view(healthy: Comparison) -> None:
+    table = json.loads(json.dumps(healthy.to_dict()))
+    assert len(table["views"]) == len(healthy.views) and table["where"] == healthy.where
+    for shown, m in zip(table["views"], healthy.views, strict=True):
+        assert shown["name"] == m.name and shown["outside"] == m.outside.sum()
+        assert len(shown["centres"]) == len(shown["mean"]) == len(shown["band"]) == len(shown["expected"])
+    assert {g["name"] for g in table["regimes"]} <= {"pre-sliding", "reversal", "sliding"}
 
 
 def test_the_band_is_that_of_the_fit_unless_told() -> None:

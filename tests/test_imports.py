@@ -10,12 +10,12 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
     {"errors", "parameter", "version", "registration"},
-    {"files", "units", "timing", "progress", "figure", "tall", "native", "excitation"},
+    {"files", "units", "timing", "progress", "figure", "tall", "noise_band", "residual_maps", "native", "excitation"},
     {"record", "formats", "effect"},
     {"effects", "dataset", "frf", "frf_table", "distortion"},
     {"plant", "coordinates"},
-    {"simulate", "inverse", "noise", "scales", "starts", "engine", "tasks"},
-    {"misfit", "least_squares", "intervals"},
+    {"simulate", "inverse", "noise", "scales", "motion", "starts", "engine", "tasks"},
+    {"misfit", "least_squares", "intervals", "residuals"},
     {"servo", "fit", "compare", "bench", "sweep", "dahl_resonance"},
     {"screen", "remainder"},
     {"diagnose"},
