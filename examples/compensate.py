@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 
 from gms_mujoco import control
-from gms_mujoco.servo import plant_of
+from gms_mujoco.axis import plant_of
 
 PLANT = plant_of("servo_axis")
 H = 1 / 2000  # s

@@ -20,13 +20,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .axis import Mechanism
 from .distortion import Distortion, find_distortion
 from .errors import DataError, listing
 from .excitation import Excitation
 from .frf import FRF, estimate_frf
 from .plant import Plant
 from .record import Record
-from .servo import axis_model
 from .simulate import simulate
 
 Array = NDArray[np.float64]
@@ -187,7 +187,7 @@ def run_loop(
     if extra.shape != reference.shape:
         raise DataError(f"{name}: the torque added has shape {extra.shape}, the reference {reference.shape}")
     limit = min(torque_limit, _UNLIMITED)
-    model = axis_model(plant.complete(), sample_time / substeps, limit)
+    model = Mechanism(plant).build(plant.complete(), sample_time / substeps, limit)
     data = mujoco.MjData(model)
     data.qpos[0] = position
     time = np.asarray(sample_time * np.arange(n), float)

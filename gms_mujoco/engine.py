@@ -86,7 +86,7 @@ def attach(
         ModelError: no such joint, a ball or free joint, a joint that has friction already, a plant of another
             kind or with parameters that have no value.
     """
-    spec = model if isinstance(model, mujoco.MjSpec) else _load(model)
+    spec = spec_of(model)
     if integration not in native.INTEGRATION:
         raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
     chosen: dict[str, Plant] = {}
@@ -113,7 +113,10 @@ def attach(
     return spec
 
 
-def _load(model: str | os.PathLike[str]) -> mujoco.MjSpec:
+def spec_of(model: mujoco.MjSpec | str | os.PathLike[str]) -> mujoco.MjSpec:
+    """An MjSpec as it is, or from the path or the text of an MJCF file; raises ModelError where that cannot be."""
+    if isinstance(model, mujoco.MjSpec):
+        return model
     text = os.fspath(model)
     try:
         if text.lstrip().startswith("<"):

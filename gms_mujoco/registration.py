@@ -6,5 +6,5 @@ for _name in ("ServoTracking", "ServoExcitation"):
     register(
         id=f"GmsMujoco/{_name}-v0",
         entry_point=f"gms_mujoco.env:{_name}",
-        vector_entry_point=f"gms_mujoco.env:{_name}Vector",
+        vector_entry_point=f"gms_mujoco.vector_env:{_name}Vector",
     )

@@ -1,4 +1,4 @@
-"""The servo axis behind the environments: MuJoCo with the friction of a plant, a drive and an encoder.
+"""The servo axes behind the environments: MuJoCo with the friction of a plant, a drive and an encoder.
 
 Units are those of a hinge; a slide has m for rad and N for N m.
 """
@@ -7,56 +7,24 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from . import engine
+from . import engine, native
+from .axis import Mechanism
 from .errors import ModelError
-from .files import MODELS
 from .plant import Plant
 from .tasks import TASKS, Episode, check_tasks, draw, scale_of
 
 Array = NDArray[np.float64]
 
-JOINT = "shaft"
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with plugin_state, the forces of the elements
-
-
-def plant_of(plant: Plant | str | os.PathLike[str]) -> Plant:
-    """A plant as it is, from a `model.toml`, or the one of models/ with that name ("servo_axis")."""
-    if isinstance(plant, Plant):
-        return plant.complete()
-    return Plant.load(os.fspath(plant)).complete()
-
-
-def axis_model(plant: Plant, timestep: float, torque_limit: float) -> mujoco.MjModel:
-    """The servo axis of models/ with the inertia and the effects of a plant.
-
-    Args:
-        plant: every parameter set.
-        timestep: of MuJoCo [s].
-        torque_limit: of the drive [N m].
-    """
-    spec = mujoco.MjSpec.from_file(str(MODELS / "servo_axis.xml"))
-    spec.option.timestep = timestep
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing is there to touch
-    rotor, joint = spec.body("rotor"), spec.joint(JOINT)
-    if plant.kind == "slide":
-        joint.type = mujoco.mjtJoint.mjJNT_SLIDE
-        rotor.mass = plant.driven_inertia
-    else:
-        rotor.inertia = [plant.driven_inertia] * 3
-    assert plant.inertia is not None
-    joint.armature = plant.inertia - plant.driven_inertia  # attach takes it off again
-    spec.actuator("drive").ctrlrange = [-torque_limit, torque_limit]
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*acts on the measurement alone")  # the encoder below sees to it
-        return engine.attach(spec, {JOINT: plant}).compile()
+_WORTH_THREADS = 8  # axes: fewer step faster on one thread than others wake up
 
 
 class Axes:
@@ -65,14 +33,20 @@ class Axes:
     Args:
         n: number of axes.
         plant: a Plant, the path of a model.toml or the name of one in models/.
+        model: None, a bare axis with the inertia of the plant; or an MJCF file or MjSpec.
+        joint: of that model, with its inertia and weight; the others are locked, see `gms_mujoco.axis.Mechanism`.
         rate: of the servo [Hz].
         substeps: time steps of MuJoCo in a sample.
         resolution: position of one encoder count [rad]; the default is a millionth of a revolution, or a micrometre.
         torque_limit: [N m]; the default is 10 times the friction at low speed.
         tasks: references to draw from, by name; see `gms_mujoco.tasks.TASKS`.
-        spread: of the friction from episode to episode, see `gms_mujoco.tasks.scatter`; 1: always the plant's own.
+        spread: of the friction from episode to episode, a factor or "uncertainty", the intervals of an identified
+            plant; see `gms_mujoco.tasks.scatter`. 1: always the plant's own.
+        memory: how the friction elements begin: "virgin", never moved; or "random", come to rest after a history
+            that differs from episode to episode, so that the axis is at rest under forces that sum to nothing.
         split: "train", "test" or "held_out_friction", see `gms_mujoco.tasks.draw`.
         episode_steps: samples of an episode.
+        threads: that step the axes; 0: all processors. The results do not depend on it.
 
     Raises:
         ModelError: an argument that cannot be.
@@ -82,36 +56,41 @@ class Axes:
         self,
         n: int = 1,
         plant: Plant | str | os.PathLike[str] = "servo_axis",
+        model: mujoco.MjSpec | str | os.PathLike[str] | None = None,
+        joint: str | None = None,
         rate: float = 2000.0,
         substeps: int = 5,
         resolution: float | None = None,
         torque_limit: float | None = None,
         tasks: Sequence[str] = tuple(TASKS),
-        spread: float = 1.4,
+        spread: float | str = 1.4,
+        memory: str = "virgin",
         split: str = "train",
         episode_steps: int = 2000,
+        threads: int = 0,
     ) -> None:
-        self.plant = plant_of(plant)
+        self.mechanism = Mechanism(plant, model, joint)
+        self.plant = self.mechanism.plant
         if resolution is None:
             resolution = 1e-6 * (2 * math.pi if self.plant.kind == "hinge" else 1)
         numbers = {"rate": rate, "substeps": substeps, "resolution": resolution, "episode_steps": episode_steps, "n": n}
         for name, value in numbers.items():
             if not 0 < value < math.inf:
                 raise ModelError(f"{name} must be positive; {value!r} given")
-        if not 1 <= spread < math.inf:
-            raise ModelError(f"spread must be at least 1; {spread!r} given")
         self.n, self.sample_time, self.substeps, self.episode_steps = n, 1 / rate, substeps, episode_steps
-        self.resolution, self.spread, self.split = float(resolution), spread, split
+        self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)
         self.scale = scale_of(self.plant, self.resolution)
         self.torque_limit = 10 * self.scale.level if torque_limit is None else float(torque_limit)
         if not 0 < self.torque_limit < math.inf:
             raise ModelError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
-        self._draw(np.random.default_rng(0), None)  # a wrong split or task shows here
+        self._draw(np.random.default_rng(0), None)  # a wrong split, spread or task shows here
         self._sensors = [e for e in self.plant.effects if e.kind == "sensor"]
+        self._nominal = self._build(self.plant)
+        self.models: list[mujoco.MjModel] = [self._nominal] * n
+        self.batch = Batch(self._nominal, n, 1 if n < _WORTH_THREADS else threads, persistent=True)
+        self._qpos, self._ctrl = self.batch.bind("qpos")[:, 0], self.batch.bind("ctrl")[:, 0]
         self.episodes: list[Episode | None] = [None] * n
-        self.models: list[Any] = [None] * n
-        self.data: list[Any] = [None] * n
         self.step_number = np.zeros(n, int)
         self.position = np.zeros(n)  # true [rad]
         self.reading = np.zeros(n)
@@ -121,10 +100,13 @@ class Axes:
         self.reference = np.zeros((n, episode_steps + 2, 3))
         self._rows = np.arange(n)
 
+    def _build(self, plant: Plant) -> mujoco.MjModel:
+        return self.mechanism.build(plant, self.sample_time / self.substeps, self.torque_limit)
+
     def _draw(self, rng: np.random.Generator, episode: int | None) -> Episode:
         return draw(
-            self.plant, self.scale, rng, self.episode_steps + 2, self.sample_time, self.tasks, self.spread, self.split,
-            episode,
+            self.plant, self.scale, rng, self.episode_steps + 2, self.sample_time, self.tasks, self.spread,
+            self.memory, self.mechanism.start, self.split, episode,
         )
 
     def _encoder(self, time: Array, position: Array) -> Array:
@@ -133,24 +115,53 @@ class Axes:
             position = e.read(time, position)
         return np.asarray(np.round(position / self.resolution) * self.resolution)
 
-    def reset(self, i: int, rng: np.random.Generator, episode: int | None = None) -> None:
-        """Begins a new episode of axis i, drawn by `rng`, or the fixed one of that number."""
-        self.reading[i] = self.last_reading[i] = self._begin(i, self._draw(rng, episode))
-        self.position[i] = self.start[i]
-        self.torque[i] = 0.0
-        self.step_number[i] = 0
+    def reset(
+        self, rows: Sequence[int], rngs: Sequence[np.random.Generator], episodes: Sequence[int | None] | None = None
+    ) -> None:
+        """Begins new episodes of some axes.
 
-    def _begin(self, i: int, episode: Episode) -> float:
-        """Puts axis i at the start of an episode; returns what the encoder reads there: the reference begins at it."""
-        self.episodes[i] = episode
-        model = axis_model(episode.plant, self.sample_time / self.substeps, self.torque_limit)
-        data = mujoco.MjData(model)
-        data.qpos[0] = episode.position
-        self.models[i], self.data[i] = model, data
-        reading = float(self._encoder(np.zeros(1), np.array([episode.position]))[0])
-        self.start[i], self.reference[i] = episode.position, episode.reference
-        self.reference[i, :, 0] += reading - episode.position
+        Args:
+            rows: which axes.
+            rngs: one for each of them, draws the episode.
+            episodes: numbers of fixed ones, for each of them.
+        """
+        numbers = episodes or [None] * len(rows)
+        readings = self._begin(rows, [self._draw(r, k) for r, k in zip(rngs, numbers, strict=True)])
+        rows = list(rows)
+        self.reading[rows] = self.last_reading[rows] = readings
+        self.position[rows] = self.start[rows]
+        self.torque[rows] = 0.0
+        self.step_number[rows] = 0
+
+    def _begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> Array:
+        """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it."""
+        rows = list(rows)
+        before = list(self.models)  # kept until the batch has seen the new ones: addresses tell models apart
+        for i, episode in zip(rows, episodes, strict=True):
+            self.episodes[i] = episode
+            self.models[i] = self._nominal if episode.plant == self.plant else self._build(episode.plant)
+            self.start[i], self.reference[i] = episode.position, episode.reference
+        self.batch.set_models(self.models)
+        self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[rows] = self.start[rows]
+        for i, episode in zip(rows, episodes, strict=True):
+            if episode.memory is not None:
+                self._remember(i, episode)
+        self.batch.forward(rows)
+        del before
+        reading = self._encoder(np.zeros(len(rows)), self.start[rows])
+        self.reference[rows, :, 0] += (reading - self.start[rows])[:, None]
         return reading
+
+    def _remember(self, i: int, episode: Episode) -> None:
+        """Gives the elements of axis i the forces that a history has left."""
+        probe = mujoco.MjData(self.models[i])
+        joint = mujoco.mj_name2id(self.models[i], mujoco.mjtObj.mjOBJ_JOINT, self.mechanism.joint)
+        found = native.reading(self.models[i]._address, probe._address, joint)
+        if found is not None and episode.memory is not None:
+            place, state = found[0], self.batch.bind("plugin_state")[i]
+            n = len(episode.memory)
+            state[place - n + 2 : place] = episode.memory[2:]  # the first two say where and when: here and now
 
     def step(self, action: NDArray[Any], skip: NDArray[np.bool_] | None = None) -> None:
         """One sample of the servo.
@@ -159,19 +170,14 @@ class Axes:
             action: (n,) torque over its limit, held for the sample; clipped to [-1, 1].
             skip: (n,) axes that stand still.
         """
-        # Not a mujoco.batch.Batch: it makes the plug-ins of all its simulations from one model, so that they would all
-        # have one friction. On one thread this loop is as fast.
         torque = np.clip(np.asarray(action, float), -1.0, 1.0) * self.torque_limit
-        position, step = self.position, mujoco.mj_step
-        for i, (model, data) in enumerate(zip(self.models, self.data, strict=True)):
-            if skip is None or not skip[i]:
-                data.ctrl[0] = torque[i]
-                step(model, data, self.substeps)
-                position[i] = data.qpos[0]
+        self._ctrl[:] = torque
+        self.batch.step(None if skip is None else np.flatnonzero(~skip), nstep=self.substeps)
+        self.position[:] = self._qpos
         self.torque[:] = torque
         self.step_number += 1
         self.last_reading[:] = self.reading
-        self.reading[:] = self._encoder(self.step_number * self.sample_time, position)
+        self.reading[:] = self._encoder(self.step_number * self.sample_time, self.position)
 
     def velocity(self) -> Array:
         """(n,) difference of the last two readings [rad/s]."""
@@ -184,14 +190,9 @@ class Axes:
     def friction(self, i: int = 0) -> float:
         """True torque of the effects on axis i at this instant [N m]: what an oracle knows."""
         probe = mujoco.MjData(self.models[i])
-        mujoco.mj_setState(self.models[i], probe, self._saved(i), _STATE)
+        mujoco.mj_setState(self.models[i], probe, self.batch.state[i], _STATE)
         mujoco.mj_forward(self.models[i], probe)
-        return engine.friction(self.models[i], probe, JOINT).torque
-
-    def _saved(self, i: int) -> Array:
-        out = np.empty(mujoco.mj_stateSize(self.models[i], _STATE))
-        mujoco.mj_getState(self.models[i], self.data[i], out, _STATE)
-        return out
+        return engine.friction(self.models[i], probe, self.mechanism.joint).torque
 
     _FIELDS: ClassVar = ("step_number", "position", "reading", "last_reading", "torque")
 
@@ -199,13 +200,13 @@ class Axes:
         """All of axis i, with the states of its friction elements."""
         if self.episodes[i] is None:
             raise ModelError("there is no state yet; reset the environment first")
-        return {"episode": self.episodes[i], "mujoco": self._saved(i)} | {
+        return {"episode": self.episodes[i], "mujoco": self.batch.state[i].copy()} | {
             k: getattr(self, k)[i].item() for k in self._FIELDS
         }
 
     def set_state(self, i: int, state: Mapping[str, Any]) -> None:
         """Puts axis i where `get_state` found it or another of the same environment."""
-        self._begin(i, state["episode"])
-        mujoco.mj_setState(self.models[i], self.data[i], state["mujoco"], _STATE)
+        self._begin([i], [state["episode"]])
+        self.batch.state[i] = state["mujoco"]
         for k in self._FIELDS:
             getattr(self, k)[i] = state[k]

@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
+from . import effects
 from .errors import ModelError, listing
 from .plant import Plant
 
 Array = NDArray[np.float64]
 
 SPLITS = ("train", "test", "held_out_friction")
+MEMORIES = ("virgin", "random")
 N_EPISODES = 64  # of each fixed split
+_SETTLING = 200  # ms until the axis has come to rest
 _STREAM = 20140  # keeps the episodes of the fixed splits the same for everybody
 
 
@@ -61,14 +65,16 @@ class Episode:
     Attributes:
         plant: with the friction of this episode.
         task: name of the reference.
-        position: where the axis starts, at rest and never moved before [rad].
+        position: where the axis starts, at rest [rad].
         reference: (n, 3) position [rad], velocity [rad/s] and acceleration [rad/s^2] at each sample.
+        memory: (n_state,) state of the native effects at the start; None: never moved before.
     """
 
     plant: Plant
     task: str
     position: float
     reference: Array
+    memory: Array | None = None
 
 
 Moves = Iterator[tuple[float, float, float]]  # distance [rad], duration [s], rest after it [s]
@@ -165,23 +171,34 @@ def check_tasks(tasks: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def scatter(plant: Plant, rng: np.random.Generator, spread: float, held_out: bool = False) -> Plant:
+def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_out: bool = False) -> Plant:
     """The same plant with another friction.
 
-    Levels [N m] of all friction effects take one factor, pre-sliding stiffnesses [N m/rad] another, every other
-    parameter with a unit its own; shares and exponents stay. A factor is log-uniform in [1/spread, spread]; of held-out
-    friction it lies outside: in [spread, spread^2] or [1/spread^2, 1/spread].
+    With a number, levels [N m] of all friction effects take one factor, pre-sliding stiffnesses [N m/rad] another,
+    every other parameter with a unit its own; shares and exponents stay. A factor is log-uniform in
+    [1/spread, spread]; of held-out friction it lies outside: in [spread, spread^2] or [1/spread^2, 1/spread].
+
+    With "uncertainty", each friction parameter that has a 95 % interval is normal around its middle, cut at its ends;
+    of held-out friction it lies outside, up to an interval's half width further. Shares sum to 1 again.
 
     Args:
         plant: the middle of the distribution.
         rng: draws the factors.
-        spread: at least 1; with 1 the friction stays as it is.
-        held_out: whether the factors lie outside the range of the training.
+        spread: at least 1, with 1 the friction stays as it is; or "uncertainty".
+        held_out: whether the friction lies outside the range of the training.
+
+    Raises:
+        ModelError: the spread is neither, or no friction parameter of the plant has an interval.
     """
+    if spread == "uncertainty":
+        return _within_intervals(plant, rng, held_out)
+    if isinstance(spread, str) or not 1 <= spread < math.inf:
+        raise ModelError(f"spread must be at least 1, or 'uncertainty'; {spread!r} given")
+    size = float(spread)
 
     def factor() -> float:
         x = float(rng.uniform(-1, 1))
-        return spread ** (x + math.copysign(1, x) if held_out else x)
+        return size ** (x + math.copysign(1, x) if held_out else x)
 
     common = {"N m": factor(), "N m/rad": factor()}
     built = []
@@ -195,6 +212,65 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float, held_out: boo
     return replace(plant, effects=tuple(built))
 
 
+def _within_intervals(plant: Plant, rng: np.random.Generator, held_out: bool) -> Plant:
+    def drawn(low: float, high: float) -> float:
+        z = float(ndtri(rng.uniform(0.025, 0.975))) / 1.96  # in [-1, 1]
+        return (low + high) / 2 + (high - low) / 2 * (z + math.copysign(1, z) if held_out else z)
+
+    built, n_drawn = [], 0
+    for e in plant.effects:
+        changed: dict[str, Array] = {}
+        for p in e.parameters if e.kind == "friction" else ():
+            value = np.array(e.values[p.name], float)
+            for i in range(value.size):
+                name = f"{e.name}.{p.name}" + (f"[{i}]" if value.size > 1 else "")
+                if name in plant.uncertainty:
+                    value.flat[i] = np.clip(drawn(*plant.uncertainty[name]), p.lower, p.upper)
+                    n_drawn += 1
+            if p.share:
+                value = value / value.sum()
+            changed[p.name] = value
+        for p in e.parameters if changed else ():
+            if p.at_least:
+                changed[p.name] = np.maximum(changed[p.name], changed[p.at_least])
+        built.append(e.replace(**changed) if changed else e)
+    if not n_drawn:
+        raise ModelError(
+            "spread='uncertainty' needs a plant whose friction has 95 % intervals, as a fit writes them; none has one"
+        )
+    return replace(plant, effects=tuple(built))
+
+
+def at_rest(plant: Plant, scale: Scale, rng: np.random.Generator, position: float) -> tuple[float, Array | None]:
+    """Where the axis comes to rest after some history, and the state of the native effects there.
+
+    Every element begins at a random part of its level and lets go of the axis, which is held by nothing else and
+    critically damped: what is left are elements that are loaded against each other.
+
+    Args:
+        plant: every parameter set.
+        scale: of the plant.
+        rng: draws the history.
+        position: where it lets go [rad].
+
+    Returns:
+        Position [rad] and (n_state,) state; None where nothing has a memory.
+    """
+    joint = plant.joint()
+    if not joint.n_memory:
+        return position, None
+    damping = 2 * math.sqrt(scale.level / scale.breakaway * plant.driven_inertia)
+    drag = effects.find("viscous")(coefficient=damping)
+    damped = (plant.replace(drag) if "viscous" in plant else plant + drag).joint()
+    memory = rng.uniform(-1, 1, joint.n_memory)
+    motion = damped.simulate(
+        plant.driven_inertia, 1e-3, np.zeros(_SETTLING), position, substeps=5, memory=memory, states=True
+    )
+    if motion.states is None or not np.isfinite(motion.position[-1]):
+        return position, None
+    return float(motion.position[-1]), motion.states[-1]
+
+
 def draw(
     plant: Plant,
     scale: Scale,
@@ -202,7 +278,9 @@ def draw(
     n: int,
     sample_time: float,
     tasks: Sequence[str],
-    spread: float,
+    spread: float | str,
+    memory: str = "virgin",
+    start: float | None = None,
     split: str = "train",
     episode: int | None = None,
 ) -> Episode:
@@ -216,15 +294,18 @@ def draw(
         sample_time: [s].
         tasks: names; each is as likely as the others.
         spread: of the friction, see `scatter`.
+        memory: "virgin", the friction elements have never moved; "random", see `at_rest`.
+        start: position [rad]; None: anywhere on a hinge, 0 on a slide.
         split: "train", "test" (other references and frictions of the same distributions) or "held_out_friction"
             (frictions outside the range of the training).
         episode: number of the episode in a fixed split, from 0.
 
     Raises:
-        ModelError: no such split, task or episode.
+        ModelError: no such spread, memory, split, task or episode.
     """
-    if split not in SPLITS:
-        raise ModelError(f"split must be one of {listing(SPLITS)}; {split!r} given")
+    for what, given, names in (("split", split, SPLITS), ("memory", memory, MEMORIES)):
+        if given not in names:
+            raise ModelError(f"{what} must be one of {listing(names)}; {given!r} given")
     if split != "train":
         number = int(rng.integers(N_EPISODES)) if episode is None else int(episode)
         if not 0 <= number < N_EPISODES:
@@ -233,8 +314,10 @@ def draw(
     elif episode is not None:
         raise ModelError("the train split has no numbered episodes; seed it, or take another split")
     scattered = scatter(plant, rng, spread, split == "held_out_friction")
-    position = float(rng.uniform(0, 2 * math.pi)) if plant.kind == "hinge" else 0.0
+    if start is None:
+        start = float(rng.uniform(0, 2 * math.pi)) if plant.kind == "hinge" else 0.0
     task = tasks[int(rng.integers(len(tasks)))]
     reference = TASKS[task](rng, scale, n, sample_time)
+    position, state = at_rest(scattered, scale, rng, start) if memory == "random" else (start, None)
     reference[:, 0] += position
-    return Episode(scattered, task, position, reference)
+    return Episode(scattered, task, position, reference, state)

@@ -10,8 +10,8 @@ from axes import J
 
 import gms_mujoco as gms
 from gms_mujoco import control
+from gms_mujoco.axis import plant_of
 from gms_mujoco.plant import Plant
-from gms_mujoco.servo import plant_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
@@ -104,7 +104,7 @@ def test_the_oracle_knows_the_true_torque():
         env.step(np.array([0.08]))
     true = env.friction
     assert control.Oracle(lambda: env.friction)(observation()) == -true > 0
-    forces = gms.friction(env.axes.models[0], env.axes.data[0], "shaft")
+    forces = gms.friction(env.axes.models[0], env.axes.batch.get_data(0), "shaft")
     assert true == pytest.approx(forces.torque, rel=0.1), "that of the last time step, a tenth of a millisecond before"
 
 

@@ -1,25 +1,30 @@
 """The servo environments keep Gymnasium's contract and their own: bit-equal, reproducible, restorable."""
 
+import dataclasses
 import math
 import os
 import pickle
 import warnings
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 from axes import J
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 
 import gms_mujoco as gms
 from gms_mujoco import env as environments
 from gms_mujoco.errors import ModelError
+from gms_mujoco.files import MODELS
 from gms_mujoco.plant import Plant
-from gms_mujoco.servo import MODELS, Axes
+from gms_mujoco.servo import Axes
 from gms_mujoco.tasks import N_EPISODES, TASKS, Scale, draw, scale_of, scatter
 
 IDS = ("GmsMujoco/ServoTracking-v0", "GmsMujoco/ServoExcitation-v0")
 COUNT = 2 * math.pi / 1e6
+ARM = MODELS / "arm.xml"
 
 
 def actions(n: int, steps: int, seed: int = 0) -> np.ndarray:
@@ -92,7 +97,7 @@ def test_a_vector_state_restores_too():
 def test_a_state_holds_the_forces_of_the_elements():
     """In pre-sliding the friction remembers where the axis came from: the same place, another torque."""
     axes = Axes(spread=1.0)
-    axes.reset(0, np.random.default_rng(0))
+    axes.reset([0], [np.random.default_rng(0)])
     for _ in range(40):
         axes.step(np.array([0.05]))
     assert abs(axes.friction()) > 0.1 * axes.scale.level
@@ -231,6 +236,121 @@ def test_any_plant_runs(plant):
             assert observation in env.observation_space and math.isfinite(reward)
 
 
+def test_a_joint_of_a_model_has_its_inertia_and_weight():
+    env = gym.make(IDS[0], plant="arm_joint", model=ARM, joint="elbow", spread=1.0).unwrapped
+    full = mujoco.MjModel.from_xml_path(str(ARM))
+    data = mujoco.MjData(full)
+    mujoco.mj_forward(full, data)
+    mass = np.zeros((full.nv, full.nv))
+    mujoco.mj_fullM(full, data, mass)
+    elbow = full.joint("elbow").dofadr[0]
+    assert env.axes.plant.inertia == pytest.approx(mass[elbow, elbow])
+    observation, _ = env.reset(seed=0)
+    assert observation[0] == 0.0, "where the model begins"
+    axes = Axes(plant="arm_joint", model=ARM, joint="elbow", spread=1.0, torque_limit=100.0)
+    axes.reset([0], [np.random.default_rng(0)])
+    for _ in range(40):
+        axes.step(np.array([1.0]))
+    # The same joint in the whole model, the others held by an inertia that nothing here moves.
+    spec = mujoco.MjSpec.from_file(str(ARM))
+    for j in spec.joints:
+        if j.name != "elbow":
+            j.armature = 1e12
+    Plant.load(MODELS / "arm_joint.toml").attach(spec, "elbow")
+    spec.option.timestep = 1e-4
+    whole = spec.compile()
+    data = mujoco.MjData(whole)
+    data.ctrl[whole.actuator("elbow").id] = 100.0
+    mujoco.mj_step(whole, data, 200)
+    assert axes.position[0] > 1e-2
+    assert axes.position[0] == pytest.approx(data.qpos[whole.joint("elbow").qposadr[0]], rel=1e-6)
+
+
+def test_random_memory_begins_at_rest_with_elements_loaded_against_each_other():
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    found = []
+    for seed in range(3):
+        axes = Axes(memory="random", spread=1.0)
+        axes.reset([0], [np.random.default_rng(seed)])
+        start = axes.position[0]
+        forces = gms.friction(axes.models[0], axes.batch.get_data(0), "shaft")
+        state = forces.states["gms"][::2]
+        assert np.abs(state).sum() > 0.1 * plant["gms"].coulomb
+        assert abs(state.sum()) < 0.02 * np.abs(state).sum(), "at rest they sum to nothing"
+        for _ in range(100):
+            axes.step(np.zeros(1))
+        assert abs(axes.position[0] - start) < 0.05 * axes.scale.breakaway
+        found.append(state)
+    assert not np.allclose(found[0], found[1])
+    one, many = Axes(memory="random"), Axes(3, memory="random")
+    one.reset([0], [np.random.default_rng(5)])
+    many.reset(range(3), [np.random.default_rng(k) for k in (4, 5, 6)])
+    for _ in range(20):
+        one.step(np.full(1, 0.1))
+        many.step(np.full(3, 0.1))
+    assert one.position[0] == many.position[1] != many.position[0]
+
+
+def test_friction_may_be_drawn_from_the_intervals_of_a_fit():
+    plant = Plant.load(MODELS / "servo_axis.toml")
+    intervals = {"gms.coulomb": (4e-3, 5e-3), "gms.static": (4.1e-3, 6e-3), "gms.fraction[2]": (0.02, 0.04)}
+    plant = dataclasses.replace(plant, uncertainty=intervals)
+    rng = np.random.default_rng(0)
+    drawn = [scatter(plant, rng, "uncertainty")["gms"] for _ in range(60)]
+    levels = np.array([g.coulomb for g in drawn])
+    assert 4e-3 <= levels.min() < levels.max() <= 5e-3 and 1.5e-4 < levels.std() < 3e-4
+    assert all(g.static >= g.coulomb and sum(g.fraction) == pytest.approx(1) for g in drawn)
+    assert all(g.stiffness == plant["gms"].stiffness for g in drawn), "what has no interval stays"
+    outside = [scatter(plant, rng, "uncertainty", held_out=True)["gms"].coulomb for _ in range(60)]
+    assert all(not 4e-3 < x < 5e-3 and 3.5e-3 <= x <= 5.5e-3 for x in outside)
+    env = gym.make(IDS[0], plant=plant, spread="uncertainty").unwrapped
+    env.reset(seed=0)
+    assert 4e-3 <= env.plant["gms"].coulomb <= 5e-3
+
+
+def test_threads_and_models_of_many_axes_do_not_mix():
+    runs = []
+    for threads in (1, 2):
+        axes = Axes(12, spread=1.4, episode_steps=50, threads=threads)
+        for round in range(3):  # episodes that end before their first step too
+            axes.reset(range(12), [np.random.default_rng([round, k]) for k in range(12)])
+        axes.reset([3], [np.random.default_rng(9)])
+        for _ in range(30):
+            axes.step(np.linspace(-0.2, 0.2, 12))
+        runs.append(axes.position.copy())
+    np.testing.assert_array_equal(*runs)
+    for k in (3, 7):
+        alone = Axes(1, spread=1.4, episode_steps=50)
+        alone.reset([0], [np.random.default_rng(9) if k == 3 else np.random.default_rng([2, k])])
+        for _ in range(30):
+            alone.step(np.linspace(-0.2, 0.2, 12)[[k]])
+        assert alone.position[0] == runs[0][k]
+
+
+def test_an_episode_may_start_anew_in_the_same_step():
+    options = {"num_envs": 3, "episode_steps": 20}
+    at_once = gym.make_vec(IDS[0], autoreset_mode="SameStep", **options)
+    later = gym.make_vec(IDS[0], **options)
+    rows = [env.reset(seed=7)[0] for env in (at_once, later)]
+    np.testing.assert_array_equal(*rows)
+    for a in actions(3, 20):
+        (o, _, _, t, info), (p, *_) = at_once.step(a), later.step(a)
+    assert t.all() and info["_final_obs"].all()
+    np.testing.assert_array_equal(np.stack(list(info["final_obs"])), p)
+    np.testing.assert_array_equal(o, later.step(actions(3, 1)[0])[0])
+    theirs = gym.make_vec(
+        IDS[0], vectorization_mode="sync", vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP}, **options
+    )
+    theirs.reset(seed=7)
+    for a in actions(3, 20):
+        q, *_, their_info = theirs.step(a)
+    np.testing.assert_array_equal(o, q)
+    np.testing.assert_array_equal(their_info["final_obs"][1], info["final_obs"][1])
+    np.testing.assert_array_equal(their_info["final_info"]["error"], info["final_info"]["error"])
+    with pytest.raises(ModelError, match="autoreset_mode must be one of"):
+        gym.make_vec(IDS[0], autoreset_mode="Never", num_envs=1)
+
+
 def test_a_plant_may_be_a_file(tmp_path):
     plant = Plant.axis(J) + gms.effects.Coulomb(coulomb=4e-3)
     plant.save(tmp_path / "model.toml")
@@ -247,6 +367,14 @@ def test_a_plant_may_be_a_file(tmp_path):
         ({"tasks": []}, "at least one task"),
         ({"split": "exam"}, "split must be one of held_out_friction, test, train"),
         ({"spread": 0.5}, "spread must be at least 1"),
+        ({"spread": "wide"}, "spread must be at least 1, or 'uncertainty'; 'wide' given"),
+        ({"spread": "uncertainty"}, "none has one"),
+        ({"memory": "short"}, "memory must be one of random, virgin"),
+        ({"plant": "servo_axle"}, "plants that come with the package are .*servo_axis"),
+        ({"plant": "arm_joint"}, "no value yet: inertia"),
+        ({"joint": "elbow"}, "model and joint go together"),
+        ({"plant": "arm_joint", "model": ARM, "joint": "knee"}, "no joint is called 'knee'; the joints are elbow"),
+        ({"plant": "arm_joint", "model": "no.xml", "joint": "knee"}, "no.xml: no such file"),
         ({"substeps": 0}, "substeps must be positive"),
         ({"torque_limit": -1}, "torque_limit must be positive"),
         ({"render_mode": "ascii"}, "render_mode must be one of human, rgb_array"),

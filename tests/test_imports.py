@@ -14,18 +14,18 @@ LAYERS = [
     {"record", "formats", "effect"},
     {"effects", "dataset", "frf", "frf_table", "distortion"},
     {"plant", "coordinates"},
-    {"simulate", "inverse", "noise", "scales", "motion", "starts", "engine", "tasks"},
+    {"simulate", "inverse", "noise", "scales", "motion", "starts", "engine", "tasks", "axis"},
     {"misfit", "least_squares", "intervals", "residuals"},
     {"servo", "fit", "compare", "bench", "sweep", "dahl_resonance"},
-    {"screen", "remainder"},
+    {"screen", "remainder", "goals"},
     {"diagnose"},
     {"demo", "report"},
-    {"env", "control", "view"},
+    {"env", "vector_env", "control", "view"},
     {"cli"},
     {"__init__", "__main__"},
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
-EDGES = {"registration", "env", "control", "view", "cli", "report", "demo"}
+EDGES = {"registration", "env", "vector_env", "control", "view", "cli", "report", "demo"}
 OPTIONAL = {"rerun", "gymnasium", "matplotlib"}
 
 
