@@ -1,4 +1,4 @@
-"""The command line: `gms-mujoco demo | fit | compare | diagnose | frf | attach | view`.
+"""The command line: `gms-mujoco demo | fit | compare | diagnose | frf | attach | train | view`.
 
 Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key, and what was expected),
 130 interrupted. Files are written whole or not at all.
@@ -123,6 +123,18 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("robot", metavar="ROBOT.xml", help="MJCF model, left as it is")
     sub.add_argument("--joint", required=True, action="append", metavar="NAME", help="hinge or slide; may be repeated")
     sub.add_argument("-o", "--output", required=True, metavar="OUT.xml", help="the model with friction")
+
+    sub = command("train", _train, "train the learning baseline of friction compensation, and test it against a PID",
+                  "train -o policy")
+    sub.add_argument("-o", "--output", required=True, metavar="DIR",
+                     help="gets policy.json, training.json and recording.rrd")
+    sub.add_argument("--plant", default="servo_axis", metavar="MODEL.toml",
+                     help="file, or preset by name (default: servo_axis)")
+    sub.add_argument("--model", metavar="ROBOT.xml", help="MJCF model, to train on a joint of it")
+    sub.add_argument("--joint", metavar="NAME", help="of that model")
+    sub.add_argument("--seed", type=int, default=0, help="draws candidates and episodes (default: 0)")
+    sub.add_argument("--generations", type=int, default=30, metavar="N", help="default: 30")
+    sub.add_argument("--bandwidth", type=float, default=50.0, metavar="HZ", help="of the PID (default: 50)")
 
     sub = command("view", _view, "open a recording, or make a picture of it", "view diagnosis/ --screenshot view.png")
     sub.add_argument("path", metavar="PATH", help="a .rrd file, or the folder that diagnose or demo wrote")
@@ -252,6 +264,27 @@ def _attach(options: argparse.Namespace) -> None:
     files.write_text(output, text)
     print(f"wrote {output}: {', '.join(e.name for e in plant.effects)} on {', '.join(options.joint)}")
     print("load it after `import gms_mujoco`, which registers the plug-in with MuJoCo")
+
+
+def _train(options: argparse.Namespace) -> None:
+    from .learn import train
+    from .view import RECORDING, write_training
+
+    if options.seed < 0:
+        raise GmsError(f"the seed must not be negative; {options.seed} given")
+    if not 0 < options.bandwidth < math.inf:
+        raise GmsError(f"--bandwidth must be a positive number of Hz; {options.bandwidth:g} given")
+    folder = files.make_folder(options.output)
+    with Bar() as bar:
+        result = train(
+            options.generations, seed=options.seed, bandwidth=options.bandwidth, progress=bar,
+            plant=options.plant, model=options.model, joint=options.joint,
+        )  # fmt: skip
+        result.policy.save(folder / "policy.json")
+        files.write_text(folder / "training.json", as_json(result.to_dict()))
+        write_training(folder / RECORDING, result)
+    print(result)
+    print(f"wrote {folder}/ (policy.json; {PROGRAM} view {folder} opens the recording)")
 
 
 def _view(options: argparse.Namespace) -> None:

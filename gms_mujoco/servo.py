@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import mujoco
@@ -19,7 +20,7 @@ from . import engine, native
 from .axis import Mechanism
 from .errors import ModelError
 from .plant import Plant
-from .tasks import TASKS, Episode, check_tasks, draw, scale_of
+from .tasks import TASKS, Episode, at_rest, check_tasks, draw, scale_of
 
 Array = NDArray[np.float64]
 
@@ -99,6 +100,7 @@ class Axes:
         self.start = np.zeros(n)
         self.reference = np.zeros((n, episode_steps + 2, 3))
         self._rows = np.arange(n)
+        self._probes: dict[int, tuple[mujoco.MjModel, mujoco.MjData]] = {}
 
     def _build(self, plant: Plant) -> mujoco.MjModel:
         return self.mechanism.build(plant, self.sample_time / self.substeps, self.torque_limit)
@@ -132,6 +134,20 @@ class Axes:
         self.position[rows] = self.start[rows]
         self.torque[rows] = 0.0
         self.step_number[rows] = 0
+
+    def exchange(self, i: int, plant: Plant) -> None:
+        """Begins the episode of axis i anew with another plant: the same reference, another friction.
+
+        Args:
+            plant: with the effects of the environment's plant, and as many elements.
+        """
+        episode = self.episodes[i]
+        if episode is None:
+            raise ModelError("there is no episode yet; reset the environment first")
+        memory = None if episode.memory is None else at_rest(plant, self.scale, np.random.default_rng(0), 0.0)[1]
+        readings = self._begin([i], [replace(episode, plant=plant, memory=memory)])
+        self.reading[i] = self.last_reading[i] = readings[0]
+        self.position[i], self.torque[i], self.step_number[i] = self.start[i], 0.0, 0
 
     def _begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> Array:
         """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it."""
@@ -189,10 +205,13 @@ class Axes:
 
     def friction(self, i: int = 0) -> float:
         """True torque of the effects on axis i at this instant [N m]: what an oracle knows."""
-        probe = mujoco.MjData(self.models[i])
-        mujoco.mj_setState(self.models[i], probe, self.batch.state[i], _STATE)
-        mujoco.mj_forward(self.models[i], probe)
-        return engine.friction(self.models[i], probe, self.mechanism.joint).torque
+        model = self.models[i]
+        if i not in self._probes or self._probes[i][0] is not model:
+            self._probes[i] = (model, mujoco.MjData(model))
+        probe = self._probes[i][1]
+        mujoco.mj_setState(model, probe, self.batch.state[i], _STATE)
+        mujoco.mj_forward(model, probe)
+        return engine.friction(model, probe, self.mechanism.joint).torque
 
     _FIELDS: ClassVar = ("step_number", "position", "reading", "last_reading", "torque")
 

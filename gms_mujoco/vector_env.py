@@ -35,7 +35,6 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         **options: those of `Axes` but `n`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
     _goal: ClassVar[type[Goal]]
 
     def __init__(
@@ -51,7 +50,7 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         if not found:
             names = listing(m.name for m in _MODES)
             raise ModelError(f"autoreset_mode must be one of {names}; {autoreset_mode!r} given")
-        self.metadata = {**self.metadata, "autoreset_mode": found[0]}
+        self.metadata = {"render_modes": [], "autoreset_mode": found[0]}
         self._at_once = found[0] is AutoresetMode.SAME_STEP
         self.num_envs = num_envs
         self.axes = Axes(num_envs, **options)

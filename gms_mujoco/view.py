@@ -23,6 +23,7 @@ from .report import step_names, worst_first
 
 if TYPE_CHECKING:
     from .diagnose import Diagnosis
+    from .learn import Training
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,36 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
         stream.send_blueprint(
             rrb.Blueprint(rows, rrb.TimePanel(state="collapsed", timeline="time"), collapse_panels=True)
         )
+        stream.flush()
+        stream.disconnect()
+
+
+def write_training(path: str | Path, training: Training) -> None:
+    """Writes the recording of a training: `curve/...` over generations, `test/position/...`, `test/error/...` in time.
+
+    Raises:
+        GmsError: the folder does not exist or cannot be written.
+    """
+    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
+        stream.save(temporary)
+        stream.log("summary", rr.TextDocument(str(training)), static=True)
+        for name, column, colour in (("mean", 0, _STEPS[0]), ("best", 1, _STEPS[-1])):
+            stream.log(f"curve/{name}", rr.SeriesLines(colors=[colour], names=[name]), static=True)
+            at = rr.TimeColumn("generation", sequence=range(1, len(training.curve) + 1))
+            stream.send_columns(f"curve/{name}", [at], rr.Scalars.columns(scalars=training.curve[:, column]))
+        reference, *others = training.traces
+        _series(stream, "test/position/reference", "reference", training.time, reference, _GREY)
+        for name, value, colour in zip(("PID", "policy"), others, (_STEPS[0], _STEPS[-1]), strict=True):
+            _series(stream, f"test/position/{name}", name, training.time, value, colour)
+            _series(stream, f"test/error/{name}", name, training.time, reference - value, colour)
+        curve = rrb.TimeSeriesView(origin="curve", name="error over that of the PID, per generation")
+        runs = rrb.Vertical(
+            rrb.TimeSeriesView(origin="test/position", name="first test episode, position"),
+            rrb.TimeSeriesView(origin="test/error", name="tracking error"),
+        )
+        summary = rrb.TextDocumentView(origin="summary", name="test")
+        left = rrb.Vertical(curve, summary, row_shares=[3, 1])
+        stream.send_blueprint(rrb.Blueprint(rrb.Horizontal(left, runs), collapse_panels=True))
         stream.flush()
         stream.disconnect()
 

@@ -133,3 +133,69 @@ def test_the_gms_observer_beats_plain_feedforward_fivefold_and_nears_the_oracle(
 def test_every_controller_of_the_example_follows_with_a_model_that_is_off():
     for name, make in compensate.CONTROLLERS.items():
         assert compensate.errors(make, "reversals", 1.2, 1, steps=300)[0] < 100 * COUNT, name
+
+
+def test_a_lugre_observer_needs_lugre():
+    lugre = gms.effects.LuGre(stiffness=1.0, damping=1e-4, coulomb=4e-3, static=4e-3, stribeck_velocity=0.1)
+    plant = Plant.axis(J) + lugre
+    observer = control.LuGreObserver(plant, H)
+    for k in range(200):
+        torque = observer(observation(position=1e-4 * k, reference=1e-4 * k, ahead=1e-4 * (k + 1)))
+    assert torque == pytest.approx(4e-3, rel=0.05), "it slides"
+    with pytest.raises(gms.ModelError, match=r"needs a plant with lugre; \['gms', 'viscous'\]"):
+        control.LuGreObserver(PLANT, H)
+
+
+def axis_under(controller, load, seconds=1.0):
+    """Positions of a frictionless axis that a controller holds against a constant torque."""
+    q = v = torque = 0.0
+    last, out = 0.0, []
+    for _ in range(round(seconds / H)):
+        seen = observation(position=q, error=-q, speed=(q - last) / H, torque=torque)
+        last = q
+        torque = float(controller(seen))
+        a = (torque + load) / J
+        q, v = q + H * v + H**2 / 2 * a, v + H * a
+        out.append(q)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("observer", [80.0, 150.0])
+def test_active_disturbance_rejection_takes_a_constant_load_off(observer):
+    controller = control.ADRC(J, H, 30.0, observer)
+    q = axis_under(controller, -1e-3)
+    assert np.abs(q).max() > 1e-5 and abs(q[-1]) < 1e-3 * np.abs(q).max()
+    assert controller.state[2] * J == pytest.approx(-1e-3, rel=1e-3)
+
+
+def test_learning_from_repetition_lowers_the_error_from_trial_to_trial():
+    options = {"num_envs": 1, "tasks": ["reversals"], "split": "test", "episode_steps": 600}
+    envs = gym.make_vec("GmsMujoco/ServoTracking-v0", **options)
+    ilc = control.ILC(lambda: control.PID(PLANT.inertia, H, 50.0), H)
+    found = [control.follow(envs, [ilc if trial == 0 else ilc.again()], episodes=[3]).rms()[0] for trial in range(5)]
+    assert found[4] < found[0] / 3 and found[4] < found[2] < found[1] < found[0], found
+
+
+def test_following_many_axes_is_following_each_alone():
+    options = {"tasks": ["slow_sine"], "split": "test", "episode_steps": 100}
+    many = gym.make_vec("GmsMujoco/ServoTracking-v0", num_envs=3, **options)
+    trace = control.follow(many, lambda k: control.PID(PLANT.inertia, H), episodes=[4, 5, 6])
+    assert trace.error.shape == (100, 3) and trace.cost > 0 and not trace.ended.any()
+    env = gym.make("GmsMujoco/ServoTracking-v0", **options).unwrapped
+    seen, _ = env.reset(options={"episode": 5})
+    pid = control.PID(PLANT.inertia, H)
+    for step in range(100):
+        seen, *_, info = env.step(np.array([pid(seen) / env.axes.torque_limit]))
+        assert trace.error[step, 1] == info["error"] and trace.position[step, 1] == info["position"]
+
+
+def test_an_axis_may_follow_its_episode_with_another_plant():
+    envs = gym.make_vec("GmsMujoco/ServoTracking-v0", num_envs=2, spread=1.0, split="test", episode_steps=50)
+    slippery = PLANT.replace(PLANT["gms"].replace(coulomb=1e-9, static=1e-9))
+    runs = [
+        control.follow(envs, lambda k: control.Feedforward(PLANT.inertia), episodes=[1, 1], prepare=prepare)
+        for prepare in (None, lambda axes: axes.exchange(1, slippery))
+    ]
+    np.testing.assert_array_equal(runs[0].reference, runs[1].reference)
+    np.testing.assert_array_equal(runs[0].position[:, 0], runs[1].position[:, 0])
+    assert not np.array_equal(runs[0].position[:, 1], runs[1].position[:, 1])

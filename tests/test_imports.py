@@ -21,12 +21,14 @@ LAYERS = [
     {"diagnose"},
     {"demo", "report"},
     {"env", "vector_env", "control", "view"},
+    {"learn"},
+    {"sb3"},
     {"cli"},
     {"__init__", "__main__"},
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
-EDGES = {"registration", "env", "vector_env", "control", "view", "cli", "report", "demo"}
-OPTIONAL = {"rerun", "gymnasium", "matplotlib"}
+EDGES = {"registration", "env", "vector_env", "control", "view", "learn", "sb3", "cli", "report", "demo"}
+OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch"}
 
 
 def _modules() -> dict[str, list[Path]]:

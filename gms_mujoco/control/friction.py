@@ -1,13 +1,4 @@
-"""Controllers of a servo axis, from PID to compensation of friction by an identified model.
-
-Each is a callable of one observation of `ServoTracking`, made new for every episode:
-
-    controller = PID(inertia, sample_time) + GMSObserver(plant, sample_time)
-    torque = controller(observation)                                     # N m
-    observation, *_ = env.step([torque / env.unwrapped.axes.torque_limit])
-
-They add: a sum of controllers commands the sum of their torques. Units are those of a hinge.
-"""
+"""Torque against friction that a model or an oracle tells."""
 
 from __future__ import annotations
 
@@ -15,65 +6,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .plant import Plant
-
-Array = NDArray[np.float64]
-
-POSITION, REFERENCE, VELOCITY, ACCELERATION, AHEAD, ERROR, SPEED, TORQUE = range(8)  # of an observation
-
-
-class Controller:
-    """A torque [N m] from an observation; `+` adds the torques of two."""
-
-    def __call__(self, observation: Array) -> float:
-        """Torque to hold until the next sample [N m].
-
-        Args:
-            observation: (8,) of `ServoTracking`; every sample of the episode in turn, from its reset on.
-        """
-        raise NotImplementedError
-
-    def __add__(self, other: Controller) -> Controller:
-        return _Sum(self, other)
-
-
-class _Sum(Controller):
-    def __init__(self, *parts: Controller) -> None:
-        self.parts = parts
-
-    def __call__(self, observation: Array) -> float:
-        return sum(part(observation) for part in self.parts)
-
-
-class PID(Controller):
-    """Feedback with all three poles of the bare inertia at one place.
-
-    Args:
-        inertia: [kg m^2].
-        sample_time: [s].
-        bandwidth: of the poles [Hz].
-        filter: of the derivative of the error, first order [Hz].
-        limit: of the integral part, against wind-up [N m].
-    """
-
-    def __init__(
-        self, inertia: float, sample_time: float, bandwidth: float = 50.0, filter: float = 250.0,
-        limit: float = math.inf,
-    ) -> None:
-        w = 2 * math.pi * bandwidth
-        self.p, self.i, self.d = 3 * inertia * w**2, inertia * w**3, 3 * inertia * w
-        self.sample_time, self.limit = sample_time, limit
-        self.smooth = 1 - math.exp(-2 * math.pi * filter * sample_time)
-        self.integral = self.slope = 0.0
-
-    def __call__(self, observation: Array) -> float:
-        error = float(observation[ERROR])
-        slope = float(observation[VELOCITY] - observation[SPEED])
-        self.slope += self.smooth * (slope - self.slope)
-        self.integral = min(max(self.integral + self.i * self.sample_time * error, -self.limit), self.limit)
-        return self.p * error + self.integral + self.d * self.slope
+from ..errors import ModelError
+from ..plant import Plant
+from .base import ACCELERATION, AHEAD, POSITION, REFERENCE, VELOCITY, Array, Controller
 
 
 class Feedforward(Controller):
@@ -170,37 +106,21 @@ class GMSObserver(Controller):
         return -(here + self.follower.ahead(next_position)) / 2
 
 
-class DisturbanceObserver(Controller):
-    """Torque against all that a bare inertia does not explain, by its momentum: model-free compensation.
-
-    The estimate d follows  d' = L (dp/dt - torque - d)  with p the measured momentum.
+class LuGreObserver(GMSObserver):
+    """The same with an identified LuGre model: one bristle state where a Maxwell-slip set has many.
 
     Args:
-        inertia: [kg m^2].
+        plant: with the effect `lugre`, as `fit` identifies it.
         sample_time: [s].
-        bandwidth: L of the estimate [Hz].
-        known: a controller against a part that a model explains, such as `GMSObserver`: the estimate is of the rest,
-            and the torque is of both.
+
+    Raises:
+        ModelError: the plant has no `lugre`.
     """
 
-    def __init__(
-        self, inertia: float, sample_time: float, bandwidth: float = 60.0, known: Controller | None = None
-    ) -> None:
-        self.inertia, self.sample_time, self.known = inertia, sample_time, known
-        self.against = 0.0  # torque against the known part in the last sample
-        self.rate = 1 - math.exp(-2 * math.pi * bandwidth * sample_time)
-        self.momentum: float | None = None
-        self.estimate = 0.0
-
-    def __call__(self, observation: Array) -> float:
-        momentum = self.inertia * float(observation[SPEED])
-        if self.momentum is not None:
-            found = (momentum - self.momentum) / self.sample_time - float(observation[TORQUE])
-            self.estimate += self.rate * (found + self.against - self.estimate)
-        self.momentum = momentum
-        if self.known is not None:
-            self.against = self.known(observation)
-        return self.against - self.estimate
+    def __init__(self, plant: Plant, sample_time: float) -> None:
+        if "lugre" not in plant:
+            raise ModelError(f"a LuGre observer needs a plant with lugre; {[e.name for e in plant.effects]} given")
+        super().__init__(plant, sample_time)
 
 
 class Oracle(Controller):

@@ -1,0 +1,33 @@
+"""What a controller is: a torque from an observation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+POSITION, REFERENCE, VELOCITY, ACCELERATION, AHEAD, ERROR, SPEED, TORQUE = range(8)  # of an observation
+
+
+class Controller:
+    """A torque [N m] from an observation; `+` adds the torques of two."""
+
+    def __call__(self, observation: Array) -> float:
+        """Torque to hold until the next sample [N m].
+
+        Args:
+            observation: (8,) of `ServoTracking`; every sample of the episode in turn, from its reset on.
+        """
+        raise NotImplementedError
+
+    def __add__(self, other: Controller) -> Controller:
+        return _Sum(self, other)
+
+
+class _Sum(Controller):
+    def __init__(self, *parts: Controller) -> None:
+        self.parts = parts
+
+    def __call__(self, observation: Array) -> float:
+        return sum(part(observation) for part in self.parts)
