@@ -3,6 +3,7 @@
 import gzip
 import importlib.util
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,17 @@ from hypothesis import strategies as st
 from gms_mujoco import formats
 from gms_mujoco.errors import DataError
 
-HAS_UFF = importlib.util.find_spec("pyuff") is not None
-NEEDS_UFF = pytest.mark.skipif(not HAS_UFF, reason="universal files need pyuff: pip install 'gms-mujoco[uff]'")
+OPTIONAL = {  # library of a format, by the suffix
+    ".uff": ("pyuff", "uff"), ".unv": ("pyuff", "uff"), ".tdms": ("nptdms", "tdms"), ".mcap": ("mcap", "mcap"),
+}  # fmt: skip
+
+
+def needs(module: str) -> pytest.MarkDecorator:
+    return pytest.mark.skipif(importlib.util.find_spec(module) is None, reason=f"needs {module}")
+
+
 SUFFIXES = [
-    pytest.param(s, marks=NEEDS_UFF) if s in (".uff", ".unv") else s for s in sorted(formats.suffixes())
+    pytest.param(s, marks=needs(OPTIONAL[s][0])) if s in OPTIONAL else s for s in sorted(formats.suffixes())
 ]
 COLUMNS = {
     "time": np.arange(40) / 1000,
@@ -172,10 +180,154 @@ def test_mat_columns_and_structs_are_columns_and_scalars_are_not(tmp_path: Path)
     assert table.unusable == {"gain": "it is a single number", "who": "it holds no numbers"}
 
 
-def test_mat_7_3_says_how_to_save(tmp_path: Path) -> None:
-    (tmp_path / "run.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(600))
-    with pytest.raises(DataError, match="-v7"):
+def mat_7_3(path: Path, arrays: dict[str, object]) -> Path:
+    """A file laid out as MATLAB lays out version 7.3: HDF5 behind a block of text, dimensions in reverse."""
+    h5py = pytest.importorskip("h5py")
+
+    def put(group, name: str, value: object) -> None:
+        if isinstance(value, dict):
+            inner = group.create_group(name)
+            for key, part in value.items():
+                put(inner, key, part)
+        elif isinstance(value, str):
+            item = group.create_dataset(name, data=np.array([[ord(c)] for c in value], np.uint16))
+            item.attrs["MATLAB_class"] = np.bytes_("char")
+        else:
+            array = np.atleast_2d(value).T
+            if np.iscomplexobj(array):
+                pair = np.empty(array.shape, [("real", "f8"), ("imag", "f8")])
+                pair["real"], pair["imag"] = array.real, array.imag
+                array = pair
+            group.create_dataset(name, data=array).attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in arrays.items():
+            put(file, name, value)
+        file["elsewhere"] = h5py.ExternalLink("other.h5", "/x")
+    content = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64 HDF5 schema 1.00 .".ljust(512) + content[512:])
+    return path
+
+
+def test_mat_7_3_is_read_like_the_older_ones(tmp_path: Path) -> None:
+    log = {"t": np.arange(20.0)[:, None], "log": {"q": np.ones((1, 20)), "who": "me"}, "gain": 3.0}
+    log |= {"m": np.arange(60.0).reshape(20, 3), "h": np.array([1 + 2j, 3, 4j])}
+    new = formats.read(mat_7_3(tmp_path / "new.mat", log))
+    scipy.io.savemat(tmp_path / "old.mat", log)
+    old = formats.read(tmp_path / "old.mat")
+    assert set(new.columns) == set(old.columns) == {"t", "log.q", "m.0", "m.1", "m.2", "h.real", "h.imag"}
+    assert all(np.array_equal(new.columns[k], old.columns[k]) for k in new.columns)
+    assert new.unusable == old.unusable
+
+
+@anyhow
+@given(cut=st.floats(0, 1), flip=st.integers(600, 10_000))
+def test_a_damaged_mat_7_3_is_a_data_error(cut: float, flip: int, tmp_path: Path) -> None:
+    content = bytearray(mat_7_3(tmp_path / "run.mat", dict(COLUMNS)).read_bytes())
+    content[flip % len(content)] ^= 0x55
+    (tmp_path / "run.mat").write_bytes(content[: int(cut * len(content))] if cut < 0.8 else content)
+    try:
         formats.read(tmp_path / "run.mat")
+    except DataError as error:
+        assert "\n" not in str(error) and "run.mat" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "module", "extra"),
+    [
+        ("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(600), "h5py", "hdf5"),
+        ("run.tdms", b"TDSm".ljust(60), "nptdms", "tdms"),
+        ("run.mcap", b"x", "mcap.reader", "mcap"),
+        ("run.uff", b"    -1\n", "pyuff", "uff"),
+    ],
+)
+def test_a_missing_extra_is_named_in_one_line(
+    name: str, content: bytes, module: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(DataError, match=rf"need {module.split('.')[0]}: pip install 'gms-mujoco\[{extra}\]'"):
+        formats.read(tmp_path / name)
+
+
+# Logs of LabVIEW and of robots.
+
+
+@needs("nptdms")
+def test_tdms_channels_of_a_waveform_know_their_time(tmp_path: Path) -> None:
+    import nptdms
+
+    wave = {"wf_increment": 1e-3, "wf_start_offset": 0.5, "unit_string": "V"}
+    texts = nptdms.ChannelObject("daq", "comment", ["a", "b"])
+    for groups in (("daq",), ("daq", "slow")):
+        with nptdms.TdmsWriter(str(tmp_path / "run.tdms")) as writer:
+            channels = [nptdms.ChannelObject(g, "u", np.arange(5, dtype=np.int16), wave) for g in groups]
+            writer.write_segment([*channels, texts])
+        table = formats.read(tmp_path / "run.tdms")
+        names = ["u"] if len(groups) == 1 else ["daq.u", "slow.u"]
+        assert list(table.columns) == ["time", *names] and table.units[names[0]] == "V"
+        assert np.allclose(table.columns["time"], 0.5 + 1e-3 * np.arange(5))
+        assert np.array_equal(table.columns[names[0]], np.arange(5))
+        assert list(table.unusable.values()) == ["it holds no numbers"]
+
+
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+
+@needs("mcap_ros2")
+def test_mcap_of_a_robot_names_its_joints(tmp_path: Path) -> None:
+    from mcap_ros2.writer import Writer
+
+    with (tmp_path / "run.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        schema = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        for i in range(20):
+            stamp = {"sec": 1_700_000_000 + i // 10, "nanosec": 100_000_000 * (i % 10) + 7}
+            message = {
+                "header": {"stamp": stamp, "frame_id": "base"}, "name": ["shoulder", "elbow"],
+                "position": [0.1 * i, 0.2 * i], "velocity": [], "effort": [1.0, 2.0],
+            }  # fmt: skip
+            logged = 1_700_000_000 * 10**9 + 10**8 * i + 9
+            writer.write_message("/joint_states", schema, message, logged, logged)
+        writer.finish()
+    table = formats.read(tmp_path / "run.mcap")
+    assert np.allclose(table.columns["time"] - table.columns["time"][0], 0.1 * np.arange(20), atol=1e-8)
+    assert np.array_equal(table.columns["position.elbow"], [0.2 * i for i in range(20)])
+    assert np.array_equal(table.columns["effort.shoulder"], np.ones(20)) and "header.frame_id" in table.unusable
+
+
+@needs("mcap")
+def test_mcap_of_several_topics_keeps_them_apart(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "run.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = {t: writer.register_channel(t, e, 0) for t, e in (("/a", "json"), ("/b/c", "json"), ("/d", "ros1"))}
+        for i in range(6):
+            for topic, channel in channels.items():
+                if topic != "/a" or i % 2:
+                    data = f'{{"x": [{i}, {i + 0.5}], "mode": "on"}}'.encode()
+                    writer.add_message(channel, log_time=10**18 + i * 10**6, publish_time=0, data=data)
+        writer.finish()
+    table = formats.read(tmp_path / "run.mcap")
+    assert {k: len(v) for k, v in table.columns.items()} == {
+        "a.x.0": 3, "a.x.1": 3, "a.time": 3, "b/c.x.0": 6, "b/c.x.1": 6, "b/c.time": 6,
+    }  # fmt: skip
+    assert np.allclose(table.columns["a.time"], [1e-3, 3e-3, 5e-3]) and "ros1" in table.unusable["/d"]
 
 
 def test_servo_log_fields_are_columns(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,15 @@ def read(path: str | Path) -> Table:
 def write(path: str | Path, columns: Mapping[str, Array]) -> None:
     """Writes columns of equal length to a file of the format that its suffix names."""
     find(path).write(Path(path), {k: np.asarray(v, float) for k, v in columns.items()})
+
+
+def needed(module: str, what: str, extra: str) -> Any:
+    """An optional library, imported where its files are; raises DataError naming the extra that installs it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        name = module.split(".")[0].replace("_ros2", "-ros2-support")
+        raise DataError(f"{what} need {name}: pip install 'gms-mujoco[{extra}]'") from None
 
 
 def unpack(arrays: Mapping[str, object]) -> Table:

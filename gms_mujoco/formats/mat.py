@@ -1,26 +1,34 @@
-"""MATLAB files up to version 7. The fields of a struct are columns "struct.field"."""
+"""MATLAB files; those of version 7.3 (HDF5) through h5py. The fields of a struct are columns "struct.field"."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import scipy.io
 
 from ..errors import DataError
 from ..files import write_bytes
-from . import Array, Table, unpack
+from . import Array, Table, needed, unpack
 
 SUFFIXES = (".mat",)
+
+_DEEPEST = 16
+_LARGEST = 2**31  # bytes of an array: a damaged header may claim any
 
 
 def read(path: Path) -> Table:
     with path.open("rb") as stream:
         head = stream.read(128)
-    if head.startswith(b"MATLAB 7.3") or b"HDF5" in head:
-        raise DataError(f"{path}: MATLAB 7.3 files are not readable; save with the option '-v7' in MATLAB")
     arrays: dict[str, object] = {}
+    if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        h5py = needed("h5py", "MATLAB 7.3 files (.mat)", "hdf5")
+        with h5py.File(path, "r") as file:
+            _walk(path, h5py, file, "", arrays, 0)
+        return unpack(arrays)
     for name, value in scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True).items():
         if not name.startswith("__"):
             _flatten(name, value, arrays)
@@ -40,3 +48,25 @@ def _flatten(name: str, value: object, into: dict[str, object]) -> None:
         return
     for field in fields:
         _flatten(f"{name}.{field}", getattr(value, field), into)
+
+
+def _walk(path: Path, h5py: Any, group: Any, before: str, into: dict[str, object], depth: int) -> None:
+    """The arrays of a 7.3 file: groups are structs, dimensions stand in reverse, references are cells or structs."""
+    for key in group:
+        if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
+            continue  # what cells refer to; a link may lead to another file
+        item, name = group[key], f"{before}{key}"
+        if isinstance(item, h5py.Group):
+            if depth < _DEEPEST:
+                _walk(path, h5py, item, f"{name}.", into, depth + 1)
+        elif item.attrs.get("MATLAB_empty", 0):
+            into[name] = np.zeros(0)
+        elif item.dtype.kind == "O" or item.attrs.get("MATLAB_class", b"") == b"char":
+            into[name] = "text, a cell or an array of structs"
+        else:
+            if item.external or item.is_virtual or item.nbytes > _LARGEST:
+                raise DataError(f"{path}: {name!r} does not lie in this file, or has more than 2 GiB")
+            value = item[()]
+            if value.dtype.names == ("real", "imag"):
+                value = value["real"] + 1j * value["imag"]
+            into[name] = value.T

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..files import whole
-from . import Array, Table
+from . import Array, Table, needed
 
 SUFFIXES = (".uff", ".unv")
 
@@ -28,7 +28,7 @@ _OTHERS = {2: "auto spectrum", 3: "cross spectrum", 6: "coherence", 9: "psd"}
 
 
 def read(path: Path) -> Table:
-    pyuff = _pyuff()
+    pyuff = needed("pyuff", "universal files (.uff, .unv)", "uff")
     head = path.read_bytes()[:4096]
     if not re.search(rb"^ {4}-1\s*$", head, re.MULTILINE):
         raise DataError(f"{path}: not a universal file; expected datasets between lines of '    -1'")
@@ -70,7 +70,7 @@ def read(path: Path) -> Table:
 
 def write(path: Path, columns: Mapping[str, Array]) -> None:
     """The first column is the abscissa of the others; "real" and "imag" make one frequency response."""
-    pyuff = _pyuff()
+    pyuff = needed("pyuff", "universal files (.uff, .unv)", "uff")
     names = list(columns)
     x = np.asarray(columns[names[0]], float)
     functions: list[tuple[str, Any]] = []
@@ -104,11 +104,3 @@ def _abscissa(one: Mapping[str, Any]) -> tuple[str, str]:
 def _text(one: Mapping[str, Any], key: str) -> str:
     text = str(one.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
-
-
-def _pyuff() -> Any:
-    try:
-        import pyuff
-    except ImportError:
-        raise DataError("universal files (.uff, .unv) need pyuff: pip install 'gms-mujoco[uff]'") from None
-    return pyuff
