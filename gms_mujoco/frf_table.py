@@ -124,6 +124,51 @@ def from_table(
                notes=(what, said, *notes), **values)
 
 
+def from_control(
+    frd: Any,
+    input: str = "torque",
+    output: str = "position",
+    *,
+    entry: tuple[int, int] = (0, 0),
+    name: str | None = None,
+    amplitude: float | None = None,
+    kind: str = "hinge",
+    use: str = "fit",
+) -> FRF:
+    """A frequency response from one of python-control (`FrequencyResponseData`, or `frd` of a model).
+
+    Args:
+        frd: anything with `omega` (n,) [rad/s] and `frdata` (outputs, inputs, n), in SI.
+        input, output: what the response leads from and to.
+        entry: which output and which input, from 0.
+        name: default: that of `frd`.
+        amplitude: of the input during the measurement [N m].
+        kind: of the joint, for the unit of the result.
+        use: of the result.
+
+    Raises:
+        DataError: no such object or entry, or values that no measurement gives.
+    """
+    try:
+        omega, data = np.asarray(frd.omega, float), np.asarray(frd.frdata, complex)
+    except (AttributeError, TypeError, ValueError):
+        raise DataError(f"expected an object of python-control with omega and frdata; {type(frd).__name__} given") \
+            from None
+    if data.ndim != 3 or omega.shape != data.shape[2:]:
+        raise DataError(f"frdata has shape {data.shape}, omega {omega.shape}; expected (outputs, inputs, frequencies)")
+    if not (0 <= entry[0] < data.shape[0] and 0 <= entry[1] < data.shape[1]):
+        raise DataError(f"entry {entry} of a response with {data.shape[0]} outputs and {data.shape[1]} inputs, from 0")
+    g = data[entry]
+    table = Table({"frequency": omega, "real": g.real.copy(), "imag": g.imag.copy()})
+    title = name or str(getattr(frd, "name", None) or "frd")
+    try:
+        return from_table(
+            table, title, input, output, unit={"frequency": "rad/s"}, amplitude=amplitude, kind=kind, use=use
+        )
+    except DataError as error:
+        raise DataError(f"{title}: {error}") from None
+
+
 _KEYS_OF_UNITS = ("frequency", "magnitude", "phase", "input", "output")
 
 

@@ -13,7 +13,7 @@ from gms_mujoco import formats
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.errors import DataError
 from gms_mujoco.frf import FRF, find_antiresonance, to_csv
-from gms_mujoco.frf_table import average_repeats, from_table, robust_mean
+from gms_mujoco.frf_table import average_repeats, from_control, from_table, robust_mean
 
 F = np.geomspace(1, 300, 40)
 G = 1 / (0.5 + 1e-3j * 2 * np.pi * F - 2.4e-5 * (2 * np.pi * F) ** 2)
@@ -131,6 +131,81 @@ def test_mean_of_few_repeats() -> None:
     assert robust_mean(np.array([1 + 1j])) == (1 + 1j, 0.0, 1)
     assert robust_mean(np.array([1.0, 3.0]))[0] == 2
     assert robust_mean(np.array([1.0, 1.0, 50.0]))[::2] == (1, 2)
+
+
+# Any shape that a laboratory may choose, at random.
+
+
+@st.composite
+def layouts(draw: st.DrawFn) -> tuple[str, str, str, np.ndarray, np.ndarray]:
+    """Text of a file, its ending, what dataset.toml says of it, and the response it holds."""
+    n = draw(st.integers(8, 25))
+    rng = np.random.default_rng(draw(st.integers(0, 999)))
+    f = np.sort(np.exp(rng.uniform(np.log(0.3), np.log(900), n)))
+    g = np.exp(rng.uniform(-9, 1, n) + 1j * np.cumsum(rng.uniform(-0.7, 0.3, n)))
+    unit = {
+        "frequency": draw(st.sampled_from(["Hz", "kHz", "rad/s", "rpm"])),
+        "magnitude": draw(st.sampled_from(["abs", "dB", "log10"])),
+        "phase": draw(st.sampled_from(["deg", "rad"])),
+    }
+    size = {"abs": np.abs(g), "dB": 20 * np.log10(np.abs(g)), "log10": np.log10(np.abs(g))}[unit["magnitude"]]
+    angle = np.angle(g) if draw(st.booleans()) else np.unwrap(np.angle(g)) + 2 * np.pi * draw(st.integers(-2, 2))
+    columns = [("frequency", f / {"Hz": 1, "kHz": 1e3, "rad/s": 0.5 / np.pi, "rpm": 1 / 60}[unit["frequency"]])]
+    if draw(st.booleans()):
+        columns += [("magnitude", size), ("phase", np.degrees(angle) if unit["phase"] == "deg" else angle)]
+    else:
+        columns += [("real", g.real), ("imag", g.imag)]
+        unit = {"frequency": unit["frequency"]}
+    columns = draw(st.permutations(columns))
+    repeats, shuffled = draw(st.integers(1, 3)), draw(st.booleans())
+    order = np.tile(np.arange(n), repeats) if draw(st.booleans()) else np.repeat(np.arange(n), repeats)
+    order = rng.permutation(order) if shuffled else order
+    columns = [(k, v[order]) for k, v in columns]
+    named, lying = draw(st.booleans()), draw(st.booleans())
+    separator = draw(st.sampled_from([",", ";", "\t", " "] if not named else [",", ";", "\t"]))
+    comma = separator != "," and draw(st.booleans())
+    style = draw(st.sampled_from(["{:.12g}", "{:.10e}", "{:+.11e}"]))
+    names = [f"{k} [{unit[k]}]" if k in unit else k for k, _ in columns]
+    cells = [[style.format(x).replace(".", "," if comma else ".") for x in v] for _, v in columns]
+    if lying:
+        table = [[*([name] if named else []), *line] for name, line in zip(names, cells, strict=True)]
+    else:
+        table = [*([names] if named else []), *map(list, zip(*cells, strict=True))]
+    space = " " if draw(st.booleans()) and separator != "\t" else ""
+    lines = [(separator + space).join(row) for row in table]
+    lines = [draw(st.sampled_from(["# a comment", "% 2, 3; 4", ""]))] * draw(st.integers(0, 2)) + lines
+    text = draw(st.sampled_from(["", "\ufeff"])) + draw(st.sampled_from(["\n", "\r\n"])).join(lines) + "\n"
+    said = "" if named else "columns = {{ {} }}\nunits = {{ {} }}\n".format(
+        ", ".join(f"{k} = {i}" for i, (k, _) in enumerate(columns)),
+        ", ".join(f'{k} = "{v}"' for k, v in unit.items()),
+    )
+    return text, draw(st.sampled_from(["csv", "txt", "dat"])), said, f, g
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(layout=layouts())
+def test_any_layout_gives_the_response_back(layout: tuple, tmp_path: Path) -> None:
+    text, suffix, said, f, g = layout
+    (tmp_path / f"level.{suffix}").write_bytes(text.encode())
+    (tmp_path / "dataset.toml").write_text(ENTRY.format(f"level.{suffix}") + said)
+    frf = load(tmp_path).frfs[0]
+    assert np.allclose(frf.frequency, f, rtol=1e-7) and np.allclose(frf.response, g, rtol=1e-7)
+
+
+def test_an_frd_of_python_control_is_a_response() -> None:
+    class Frd:  # its shape, without the library
+        omega, frdata, name = 2 * np.pi * F[::-1], np.array([[G[::-1], 2 * G[::-1]]]), "rig"
+
+    frf = from_control(Frd(), amplitude=1e-3)
+    assert close(frf) and frf.name == "rig" and frf.unit == "rad/(N m)" and frf.excitation is not None
+    assert close(from_control(Frd(), entry=(0, 1)), 2 * G)
+    for wrong, entry, words in ((Frd(), (1, 0), "entry"), (3.0, (0, 0), "expected an object of python-control")):
+        with pytest.raises(DataError, match=words):
+            from_control(wrong, entry=entry)
+    control = pytest.importorskip("control")
+    assert close(from_control(control.frd(G, 2 * np.pi * F)))
+    mass = control.frd(control.tf([1], [2.4e-5, 1e-3, 0.5]), 2 * np.pi * F)
+    assert close(from_control(mass))
 
 
 # What is refused.

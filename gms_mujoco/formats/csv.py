@@ -1,7 +1,7 @@
 """Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
 
-Lines that start with # or % before the table are comments. With semicolons a decimal comma is understood. A few lines
-that each begin with a name and go on with numbers are columns laid on their side.
+Lines that start with # or % before the table are comments. With semicolons, tabs or blanks a decimal comma is
+understood. A few lines that each begin with a name and go on with numbers are columns laid on their side.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from . import Array, Table
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
 _FEW = 12  # lines at most of a table that lies on its side
+_NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
 
 
 def read(path: Path) -> Table:
@@ -32,10 +33,10 @@ def read(path: Path) -> Table:
         raise DataError(f"{path}: the file is empty; expected columns of numbers")
     # What is read, with the line it stands on: empty lines are no samples.
     kept = [(i + 1, s) for i, s in enumerate(lines[start:], start) if s.strip()]
-    separator = next((c for c in ";\t," if c in kept[0][1]), " ")
+    separator = _separator(kept)
     if separator == " ":
         kept = [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
-    comma = separator == ";" and any("," in s for _, s in kept[1:3])
+    comma = separator != "," and any(_has_decimal_comma(s.split(separator)) for _, s in kept if "," in s)
     lying = _lying(path, kept, separator, comma)
     if lying is not None:
         return lying
@@ -88,6 +89,18 @@ def _text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")  # a degree or micro sign in a header from a Windows machine
+
+
+def _separator(kept: list[tuple[int, str]]) -> str:
+    """Of the columns: semicolon, tab, comma or " ", by the first line; commas inside numbers are decimal ones."""
+    cells = kept[-1][1].split()
+    numbers = [_NUMBER.fullmatch(c) or (i == 0 and "," not in c) for i, c in enumerate(cells)]
+    blank = len(cells) > 1 and all(numbers) and _has_decimal_comma(cells)
+    return next((c for c in (";\t" if blank else ";\t,") if c in kept[0][1]), " ")
+
+
+def _has_decimal_comma(cells: list[str]) -> bool:
+    return any("," in c and _NUMBER.fullmatch(c.strip().strip('"')) for c in cells)
 
 
 def _lying(path: Path, kept: list[tuple[int, str]], separator: str, comma: bool) -> Table | None:
