@@ -15,7 +15,7 @@ from .fit import observe, relative_error
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
-from .noise import Noise, estimate_noise, refine_noise, sampling_residual, sensor_residual
+from .noise import Noise, estimate_noise, inertia_along, refine_noise, sampling_residual, sensor_residual
 from .plant import Plant
 from .record import Record
 from .residual_maps import Regime, ResidualMap
@@ -240,12 +240,16 @@ def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> flo
     fine_load, fine_temperature = (None if x is None else np.repeat(x, _SUBSTEPS) for x in (load, temperature))
     states = joint.replay(r.time, o.position, o.velocity, load, temperature, memory, states=True).states
     assert states is not None
+    inertia = np.broadcast_to(inertia_along(r, plant.driven_inertia), len(r))
+    rigid = r.get("rigid_torque")
+    torque = torque if rigid is None else torque - np.repeat(rigid, _SUBSTEPS)
     length = max(round(WINDOW / r.sample_time), 2)
     wrong, moved = [], []
     for a in range(int(o.index[0]), len(r) - length, length):
         here = slice(a * _SUBSTEPS, (a + length) * _SUBSTEPS + 1)
         motion = joint.simulate(
-            plant.driven_inertia, r.sample_time / _SUBSTEPS, torque[here], float(o.position[a]), float(o.velocity[a]),
+            float(inertia[a : a + length + 1].mean()), r.sample_time / _SUBSTEPS, torque[here], float(o.position[a]),
+            float(o.velocity[a]),
             start=float(r.time[a]), state=states[a],
             load=None if fine_load is None else fine_load[here],
             temperature=None if fine_temperature is None else fine_temperature[here],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -14,22 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import files, formats, frf_table, timing, units
+from . import columns, files, formats, frf_table, timing
+from .columns import expect_known, number, subtable
 from .errors import DataError, listing
 from .frf import FRF, INPUTS, response_unit
-from .record import UNITS, USES, Record
+from .measured_axis import Axis, joint_names
+from .record import USES, Record
 
 Array = NDArray[np.float64]
 
 FILE = "dataset.toml"
-KINDS = ("hinge", "slide")
-COLUMNS = (*UNITS, "current")
-OPTIONAL = ("velocity", "load", "temperature")
-_LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
-    "axis": ("kind", "inertia", "encoder_counts_per_rev", "encoder_resolution", "torque_constant", "model", "joint"),
-    "record": ("file", "use", "columns", "units", "scale"),
+    "record": ("file", "use", "joint", "columns", "units", "scale"),
     "frf": ("file", "input", "output", "amplitude", "use", "columns", "units", "scale"),
 }
 
@@ -47,6 +43,7 @@ class Dataset:
         split: a sentence: which records fit, select and validate, and who decided it.
         notes: what was done to the data or left unread, one sentence each.
         frfs: frequency responses, each with its use.
+        joint: of the robot whose measurements these are; None for a bare axis.
     """
 
     path: Path
@@ -57,6 +54,7 @@ class Dataset:
     split: str = ""
     notes: tuple[str, ...] = ()
     frfs: tuple[FRF, ...] = ()
+    joint: str | None = None
 
     @property
     def fit(self) -> tuple[Record, ...]:
@@ -74,7 +72,20 @@ class Dataset:
         return tuple(r for r in self.records if r.use == "validate")
 
 
-def load(path: str | Path) -> Dataset:
+def joints(path: str | Path) -> tuple[str, ...]:
+    """Names of the joints that a measurement set is of; none for a bare axis.
+
+    Raises:
+        DataError: `dataset.toml` cannot be read, or its axis.joint is no name.
+    """
+    file = _file(path)
+    try:
+        return joint_names(subtable(_toml(file), "axis"))
+    except DataError as error:
+        raise DataError(f"{file}: {error}") from None
+
+
+def load(path: str | Path, joint: str | None = None) -> Dataset:
     """Reads a measurement set.
 
     Where no record says what it is for, they are split: of several, every third validates and the rest fit; one
@@ -82,36 +93,42 @@ def load(path: str | Path) -> Dataset:
 
     Args:
         path: the folder with `dataset.toml`, or that file.
+        joint: which of its joints, of a set that has several (see `joints`).
 
     Raises:
         DataError: anything that cannot be read or understood; one line that names file, line or key.
     """
-    path = Path(path)
-    file = path / FILE if path.is_dir() else path
+    file = _file(path)
     table = _toml(file)
     try:
-        _known(table, ("axis", "record", "frf"), "")
-        axis = _Axis(_sub(table, "axis"))
-        entries = _list(table, "record")
+        expect_known(table, ("axis", "record", "frf"), "")
+        axis = Axis(subtable(table, "axis"), file.parent, joint)
+        entries = [e for i, e in enumerate(_list(table, "record"), 1) if axis.has(e, f"record {i}")]
         frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(_list(table, "frf"), 1))
         if not entries and not frfs:
-            raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one")
+            raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
+                            + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
-        records = []
+        records, others = [], []
         for i, entry in enumerate(entries, 1):
-            record, note = _record(f"record {i}", entry, file.parent, axis)
+            record, more, note = _record(f"record {i}", entry, file.parent, axis)
             records.append(record)
+            others.append(more)
             notes += [f"{record.name}: {note}"] if note else []
         if entries and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
+        if axis.robot and records:
+            records, note = axis.robot.on(records, others)
+            notes.append(note)
         records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
         if frfs:
             split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}")))
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
     return Dataset(
-        file.parent, tuple(records), axis.kind, axis.inertia, axis.torque_constant, split, tuple(notes), frfs
-    )
+        file.parent, tuple(records), axis.joint.kind, axis.inertia, axis.torque_constant, split, tuple(notes), frfs,
+        axis.joint.name or None,
+    )  # fmt: skip
 
 
 def save(
@@ -144,31 +161,11 @@ def save(
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 
-class _Axis:
-    """The table [axis], checked."""
-
-    def __init__(self, table: Mapping[str, Any]) -> None:
-        _known(table, _KEYS["axis"], "axis.")
-        for key in ("model", "joint"):
-            if key in table:
-                raise DataError(f"axis.{key}: joints of a model are not supported yet; give kind and inertia")
-        self.kind = table.get("kind", "hinge")
-        if self.kind not in KINDS:
-            raise DataError(f"axis.kind must be one of {listing(KINDS)}; {self.kind!r} given")
-        self.inertia = _positive(table, "inertia", "kg m^2" if self.kind == "hinge" else "kg")
-        self.torque_constant = _number(table, "torque_constant", "axis.", "N m/A" if self.kind == "hinge" else "N/A")
-        counts = _positive(table, "encoder_counts_per_rev", "counts")
-        self.resolution = _positive(table, "encoder_resolution", "rad" if self.kind == "hinge" else "m")
-        if counts is not None:
-            if self.kind == "slide":
-                raise DataError("axis.encoder_counts_per_rev is for a hinge; a slide takes encoder_resolution [m]")
-            if self.resolution is not None:
-                raise DataError("axis: give encoder_counts_per_rev or encoder_resolution, not both")
-            self.resolution = 2 * math.pi / counts
-
-
-def _record(key: str, entry: Mapping[str, Any], folder: Path, axis: _Axis) -> tuple[Record, str | None]:
-    _known(entry, _KEYS["record"], f"{key}: ")
+def _record(
+    key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
+) -> tuple[Record, dict[str, Array], str | None]:
+    """A record, the measured positions of other joints of the robot, and what was done to it."""
+    expect_known(entry, _KEYS["record"], f"{key}: ")
     name = entry.get("file")
     if not isinstance(name, str) or not name:
         raise DataError(f"{key}: file must be the name of a file; {name!r} given")
@@ -179,96 +176,36 @@ def _record(key: str, entry: Mapping[str, Any], folder: Path, axis: _Axis) -> tu
         raise DataError(f"{key}: no such file: {name}")
     table = formats.read(folder / name)
     try:
-        columns = _columns(table, _sub(entry, "columns"))
-        _convert(columns, _sub(entry, "units"), _sub(entry, "scale"), axis)
-        if "current" in columns:
+        chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
+        if len(axis.names) > 1 and entry.get("joint") is None:
+            for what in ("torque", "current", "position"):
+                if what in chosen and not isinstance(entry["columns"][what], Mapping):
+                    raise DataError(
+                        f"columns.{what}: the set is of several joints; give a column for each, as in "
+                        f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
+                    )
+        unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
+        scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
+        signals = columns.pick(table, chosen)
+        columns.convert(signals, unit, scale, axis.joint)
+        for other, at in elsewhere.items():
+            kind = axis.joint.others[other]
+            signals[f"position of {other}"] = columns.into_si(
+                columns.column(table, f"columns.position.{other}", at), "position",
+                other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
+                kind, axis.resolution(other, kind),
+            )  # fmt: skip
+        if "current" in signals:
             if axis.torque_constant is None:
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed")
-            columns["torque"] = axis.torque_constant * columns.pop("current")
-        _check(table, columns)
-        time, signals, note = timing.evenly(columns.pop("time"), columns)
+            signals["torque"] = axis.torque_constant * signals.pop("current")
+        columns.check(table, signals)
+        time, signals, note = timing.evenly(signals.pop("time"), signals)
+        others = {k: signals.pop(f"position of {k}") for k in elsewhere}
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
     short = Path(name).name if Path(name).is_absolute() else name
-    return Record(short, time, signals, use, axis.resolution), note
-
-
-def _columns(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array]:
-    """The columns of a record by their names in the contract, raw."""
-    _known(chosen, COLUMNS, "columns.")
-    if not table.named and not chosen:
-        raise DataError(
-            f"the file does not name its {len(table.columns)} columns; number them from 0, "
-            "as in columns = { time = 0, torque = 1, position = 2 }"
-        )
-    available = {**table.columns, **table.unusable}
-    wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
-    if "torque" in chosen and "current" in chosen:
-        raise DataError("columns: give torque or current, not both")
-    drive = next((k for k in ("torque", "current") if k in chosen), None) or (
-        "current" if "current" in available and "torque" not in available else "torque"
-    )
-    for key in ("time", "position", drive):
-        wanted.setdefault(key, key)
-    for key in OPTIONAL:
-        if key in table.columns and key not in chosen:
-            wanted[key] = key
-    columns: dict[str, Array] = {}
-    for key, at in wanted.items():
-        if isinstance(at, bool) or not isinstance(at, int | str):
-            raise DataError(f"columns.{key} must be the name or the number of a column; {at!r} given")
-        if isinstance(at, int):
-            if not 0 <= at < len(table.columns):
-                raise DataError(f"columns.{key}: no column {at}; there are {len(table.columns)}, counted from 0")
-            at = list(table.columns)[at]
-        if at in table.unusable:
-            raise DataError(f"column {at!r}: {table.unusable[at]}")
-        if at not in table.columns:
-            hint = "" if key in chosen else f"; name it with columns = {{ {key} = ... }}"
-            raise DataError(f"no column {at!r} for {key}; the file has {listing(table.columns)}{hint}")
-        columns[key] = np.array(table.columns[at], float)
-    return columns
-
-
-def _convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[str, Any], axis: _Axis) -> None:
-    """Raw numbers into SI, in place."""
-    for word, table in (("units", unit), ("scale", scale)):
-        _known(table, COLUMNS, f"{word}.")
-        for key in table:
-            if key not in columns:
-                raise DataError(f"{word}.{key}: the record has no {key}; it has {listing(columns)}")
-    for key in scale:
-        if key in unit:
-            raise DataError(f"{key} has a unit and a scale: give one of them (scale turns the raw numbers into SI)")
-        columns[key] *= _number(scale, key, "scale.", "SI per raw number")
-    for key, name in unit.items():
-        if not isinstance(name, str):
-            raise DataError(f"units.{key} must be a unit in quotes; {name!r} given")
-        try:
-            factor, offset = units.into_si(name, key, axis.kind, axis.resolution)
-        except DataError as error:
-            raise DataError(f"units.{key}: {error}") from None
-        columns[key] = columns[key] * factor + offset
-
-
-def _check(table: formats.Table, columns: Mapping[str, Array]) -> None:
-    """What can be told with the line in the file; Record checks the rest."""
-    lengths = {k: len(v) for k, v in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in lengths.items()))
-    for key, value in columns.items():
-        bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
-        if len(bad):
-            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such)")
-    if lengths["time"] < 16:
-        raise DataError(f"{lengths['time']} samples; at least 16 are needed")
-    time = columns["time"]
-    back = np.flatnonzero(np.diff(time) <= 0)
-    if len(back):
-        i = int(back[0])
-        raise DataError(f"{table.place(i + 1)}: time does not run forward ({time[i]:.9g} s, then {time[i + 1]:.9g} s)")
-    if np.ptp(columns["position"]) == 0:
-        raise DataError("position never changes; nothing can be learnt from a joint that does not move")
+    return Record(short, time, signals, use, axis.joint.resolution), others, note
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
@@ -298,9 +235,9 @@ def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
     return records, f"records: {', '.join(counts)} ({given})"
 
 
-def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: _Axis) -> FRF:
+def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:
     key = f"frf {i}"
-    _known(entry, _KEYS["frf"], f"{key}: ")
+    expect_known(entry, _KEYS["frf"], f"{key}: ")
     name = entry.get("file")
     if not isinstance(name, str) or not name:
         raise DataError(f"{key}: file must be the name of a file; {name!r} given")
@@ -318,25 +255,30 @@ def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: _Axis) -> FRF:
                 raise DataError("the input is current, not torque: axis.torque_constant [N m/A] is needed")
             constant = axis.torque_constant
         drive = INPUTS.get(source, "")
-        amplitude = _number(entry, "amplitude", "", drive if axis.kind == "hinge" else drive.replace("N m", "N"))
-        scale = _number(entry, "scale", "", "SI per raw number")
+        amplitude = number(entry, "amplitude", "", drive if axis.joint.kind == "hinge" else drive.replace("N m", "N"))
+        scale = number(entry, "scale", "", "SI per raw number")
         if not os.path.isfile(folder / name):
             raise DataError(f"no such file: {name}")
         found = frf_table.from_table(
             formats.read(folder / name), Path(name).name, source, entry["output"],
-            columns=_sub(entry, "columns"), unit=_sub(entry, "units"), scale=1.0 if scale is None else scale,
-            amplitude=amplitude, kind=axis.kind, count=axis.resolution, use=use,
+            columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=1.0 if scale is None else scale,
+            amplitude=amplitude, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
         )  # fmt: skip
         if source == "current":
             excitation = None if found.excitation is None else found.excitation * abs(constant)
             sigma = None if found.sigma is None else found.sigma / abs(constant)
-            unit = response_unit("torque", found.output, axis.kind)
+            unit = response_unit("torque", found.output, axis.joint.kind)
             found = replace(
                 found, response=found.response / constant, input="torque", unit=unit, excitation=excitation, sigma=sigma
             )
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
     return found
+
+
+def _file(path: str | Path) -> Path:
+    path = Path(path)
+    return path / FILE if path.is_dir() else path
 
 
 def _toml(file: Path) -> dict[str, Any]:
@@ -351,37 +293,8 @@ def _toml(file: Path) -> dict[str, Any]:
         raise DataError(f"{file}: cannot be read ({error})") from None
 
 
-def _known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in names:
-            raise DataError(f"unknown key {where}{key}; expected {listing(names)}")
-
-
-def _sub(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = table.get(key, {})
-    if not isinstance(value, Mapping):
-        raise DataError(f"{key} must be a table; {value!r} given")
-    return value
-
-
 def _list(table: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     value = table.get(key, [])
     if not isinstance(value, list) or not all(isinstance(v, Mapping) for v in value):
         raise DataError(f"{key} must be written as [[{key}]]; {value!r} given")
-    return value
-
-
-def _number(table: Mapping[str, Any], key: str, where: str, unit: str) -> Any:
-    value = table.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-30 < abs(value) < 1e30:
-        raise DataError(f"{where}{key} must be a number other than 0 [{unit}]; {value!r} given")
-    return float(value)
-
-
-def _positive(table: Mapping[str, Any], key: str, unit: str) -> float | None:
-    value: float | None = _number(table, key, "axis.", unit)
-    if value is not None and value < 0:
-        raise DataError(f"axis.{key} must be positive [{unit}]; {value!r} given")
     return value

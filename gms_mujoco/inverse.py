@@ -36,7 +36,7 @@ def held_mean(u: Array) -> Array:
     return out
 
 
-def _smooth_mean(f: Array) -> Array:
+def smooth_mean(f: Array) -> Array:
     """Triangular mean of a torque that varies linearly between samples."""
     out = f.copy()
     out[1:-1] = (f[:-2] + 4 * f[1:-1] + f[2:]) / 6
@@ -149,6 +149,16 @@ class Observation:
         """(m,) band-limited acceleration [rad/s^2]."""
         return self.band(second_difference(self.record.position, self.record.sample_time))
 
+    @cached_property
+    def rigid(self) -> Array | float:
+        """(m,) band-limited torque that a robot's rigid bodies take beyond inertia times acceleration [N m]."""
+        r = self.record
+        torque, change = r.get("rigid_torque"), r.get("inertia_change")
+        rigid: Array | float = 0.0 if torque is None else self.band(torque)
+        if change is not None:
+            rigid = rigid + self.band(change * second_difference(r.position, r.sample_time))
+        return rigid
+
     def applied(self, plant: Plant, skew: float = 0.0) -> Array:
         """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m].
 
@@ -177,7 +187,7 @@ class Observation:
         return self.band(held_mean(self.record.torque))
 
     def replay(self, plant: Plant, memory: Array | None = None, parts: int = 1) -> Array:
-        """(m,) band-limited torque of the effects along the motion [N m].
+        """(m,) band-limited torque of the effects along the motion, less what a robot's rigid bodies take [N m].
 
         Args:
             memory: state before the first sample, see `native.Joint.replay`.
@@ -188,7 +198,7 @@ class Observation:
         joint = plant.joint()
         if parts == 1:
             torque = joint.replay(r.time, seen.position, seen.velocity, load, temperature, memory).torque
-            return self.band(_smooth_mean(torque))
+            return self.band(smooth_mean(torque)) - self.rigid
         time = np.linspace(r.time[0], r.time[-1], parts * (len(r) - 1) + 1)
         motion = interpolate.CubicHermiteSpline(r.time, seen.position, seen.velocity)
         load, temperature = (
@@ -198,7 +208,7 @@ class Observation:
         mean = torque[::parts].copy()
         weight = 1 - np.abs(np.arange(1 - parts, parts)) / parts
         mean[1:-1] = np.convolve(torque, weight / parts, "valid")[1 :: parts][: len(mean) - 2]
-        return self.band(mean)
+        return self.band(mean) - self.rigid
 
     def needed(self, plant: Plant, memory: Array | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]."""

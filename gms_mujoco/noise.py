@@ -63,7 +63,8 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     alike = [r for r, rate in zip(records, rates, strict=True) if abs(rate / rates.max() - 1) < 1e-3]
     h = float(np.mean([r.sample_time for r in alike]))
     segment = min(1024, *(len(r) // 4 for r in alike))
-    errors = [held_mean(r.torque) - inertia * second_difference(r.position, h) for r in alike]
+    errors = [held_mean(r.torque) - _rigid(r, inertia) for r in alike]
+    inertia = typical_inertia(alike, inertia)
     spectra = [
         signal.welch(e[1:-1], 1 / h, nperseg=segment, average="median", detrend="linear") for e in errors
     ]
@@ -103,6 +104,24 @@ def refine_noise(noise: Noise, observations: Sequence[Observation], residuals: S
     return replace(noise, torque=min(noise.torque, float(np.sqrt(np.median(densities)))) if densities else noise.torque)
 
 
+def inertia_along(record: Record, inertia: float) -> Array | float:
+    """(n,) inertia about the joint of a robot in the poses of a record, or that of the axis [kg m^2]."""
+    change = record.get("inertia_change")
+    return inertia if change is None else inertia + change
+
+
+def _rigid(record: Record, inertia: float) -> Array:
+    """(n,) torque that the rigid bodies take; noise of a robot's other encoders is in it, with the same shape [N m]."""
+    torque = inertia_along(record, inertia) * second_difference(record.position, record.sample_time)
+    more = record.get("rigid_torque")
+    return torque if more is None else torque + more
+
+
+def typical_inertia(records: Sequence[Record], inertia: float) -> float:
+    """Root mean square of the inertia about the joint over the records [kg m^2]."""
+    return float(np.sqrt(np.mean([np.mean(np.square(inertia_along(r, inertia))) for r in records])))
+
+
 def rough_inertia(records: Sequence[Record]) -> float:
     """Inertia from torque against acceleration, direction and velocity; enough to scale noise by."""
     tops, sides = [], []
@@ -110,7 +129,8 @@ def rough_inertia(records: Sequence[Record]) -> float:
         o = Observation(r, 1 / (20 * r.sample_time))
         v = o.velocity[o.index]
         tops.append(np.stack([o.acceleration, np.sign(v), v, np.ones_like(v)], 1))
-        sides.append(o.applied(Plant.axis(1.0)))
+        none = Plant.axis(1.0)
+        sides.append(o.applied(none) + o.replay(none))  # without what a robot's rigid bodies take
     a, y = np.concatenate(tops), np.concatenate(sides)
     scale = np.maximum(np.sqrt(np.mean(a**2, 0)), 1e-300)
     value = float((np.linalg.lstsq(a / scale, y, rcond=None)[0] / scale)[0])
@@ -125,6 +145,7 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
     """
     inertia = inertia or rough_inertia(records)
     noise = estimate_noise(records, inertia)
+    inertia = typical_inertia(records, inertia)
     h = max(r.sample_time for r in records)
     f = np.geomspace(1 / (400 * h), 1 / (_FEWEST_SAMPLES * h), 60)
     # Integral of (2 sin(pi f h))^4 from 0 to f, for small f h.

@@ -29,6 +29,8 @@ _TABLES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
     "velocity": (_SPEED, _RATE),
     "torque": (_TORQUE, _FORCE),
     "load": (_TORQUE, _FORCE),
+    "rigid_torque": (_TORQUE, _FORCE),
+    "inertia_change": ({"kgm^2": 1.0}, {"kg": 1.0}),
     "current": (_CURRENT, _CURRENT),
 }
 _CELSIUS, _FAHRENHEIT = (1.0, 0.0), (5 / 9, -160 / 9)  # factor, offset

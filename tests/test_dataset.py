@@ -240,7 +240,7 @@ def test_current_without_torque_constant_is_refused(tmp_path: Path) -> None:
         (f"[axis]\ninertia = {'9' * 400}\n" + RECORD, ["axis.inertia"]),
         ("[axis]\nmass = 1.0\n" + RECORD, ["axis.mass", "inertia"]),
         ('[axis]\nkind = "ball"\n' + RECORD, ["axis.kind", "hinge", "slide"]),
-        ('[axis]\nmodel = "a.xml"\njoint = "j"\n' + RECORD, ["axis.model", "not supported yet"]),
+        ('[axis]\nmodel = "a.xml"\njoint = "j"\n' + RECORD, ["axis.model", "no such file", "a.xml"]),
         ('[axis]\nkind = "slide"\nencoder_counts_per_rev = 9\n' + RECORD, ["encoder_resolution"]),
         ("axis = 3\n", ["axis must be a table"]),
         ("record = 3\n", ["[[record]]"]),

@@ -1,0 +1,185 @@
+"""The columns of a record: found by name, place or joint in the table of a file, and brought into SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import formats, units
+from .errors import DataError, listing
+from .record import UNITS
+
+Array = NDArray[np.float64]
+
+COLUMNS = (*UNITS, "current")
+OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
+_LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What the conversion of a column needs to know of the axis.
+
+    Attributes:
+        name: of the joint in its MJCF model, "" for a bare axis.
+        kind: "hinge" or "slide".
+        resolution: position of one encoder count [rad or m], None where unknown.
+        others: kind of every other hinge and slide joint of the model, by name.
+    """
+
+    name: str = ""
+    kind: str = "hinge"
+    resolution: float | None = None
+    others: Mapping[str, str] = field(default_factory=dict)
+
+
+def of_joint(table: Mapping[str, Any], what: str, joint: Joint) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A table by column, with the columns that are tables by joint taken apart.
+
+    Args:
+        table: {column: value} or {column: {joint: value}}.
+        what: how the table is called in messages, "columns".
+
+    Returns:
+        Values by column for `joint`, and the positions of other joints by their name.
+    """
+    own: dict[str, Any] = {}
+    others: dict[str, Any] = {}
+    for key, value in table.items():
+        if not isinstance(value, Mapping):
+            own[key] = value
+            continue
+        if not joint.name:
+            raise DataError(f"{what}.{key}: a table by joint needs axis.model and axis.joint")
+        for name, given in value.items():
+            if name == joint.name:
+                own[key] = given
+            elif name not in joint.others:
+                known = listing([joint.name, *joint.others])
+                raise DataError(f"{what}.{key}: the model has no hinge or slide joint {name!r}; it has {known}")
+            elif key == "position":
+                others[name] = given
+    return own, others
+
+
+def pick(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array]:
+    """The columns of a record by their names in the contract, raw."""
+    expect_known(chosen, COLUMNS, "columns.")
+    if not table.named and not chosen:
+        raise DataError(
+            f"the file does not name its {len(table.columns)} columns; number them from 0, "
+            "as in columns = { time = 0, torque = 1, position = 2 }"
+        )
+    available = {**table.columns, **table.unusable}
+    wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
+    if "torque" in chosen and "current" in chosen:
+        raise DataError("columns: give torque or current, not both")
+    drive = next((k for k in ("torque", "current") if k in chosen), None) or (
+        "current" if "current" in available and "torque" not in available else "torque"
+    )
+    for key in ("time", "position", drive):
+        wanted.setdefault(key, key)
+    for key in OPTIONAL:
+        if key in table.columns and key not in chosen:
+            wanted[key] = key
+    return {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
+
+
+def column(table: formats.Table, label: str, at: Any, guessed: str | None = None) -> Array:
+    """One raw column.
+
+    Args:
+        label: of the key that asks for it, for messages.
+        at: its name, or its number counted from 0.
+        guessed: the contract's name where nobody gave `at`.
+    """
+    if isinstance(at, bool) or not isinstance(at, int | str):
+        raise DataError(f"{label} must be the name or the number of a column; {at!r} given")
+    if isinstance(at, int):
+        if not 0 <= at < len(table.columns):
+            raise DataError(f"{label}: no column {at}; there are {len(table.columns)}, counted from 0")
+        at = list(table.columns)[at]
+    if at in table.unusable:
+        raise DataError(f"column {at!r}: {table.unusable[at]}")
+    if at not in table.columns:
+        hint = f"; name it with columns = {{ {guessed} = ... }}" if guessed else ""
+        raise DataError(f"no column {at!r} for {label.removeprefix('columns.')}; "
+                        f"the file has {listing(table.columns)}{hint}")
+    return np.array(table.columns[at], float)
+
+
+def convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[str, Any], joint: Joint) -> None:
+    """Raw numbers into SI, in place."""
+    for word, table in (("units", unit), ("scale", scale)):
+        expect_known(table, COLUMNS, f"{word}.")
+        for key in table:
+            if key not in columns:
+                raise DataError(f"{word}.{key}: the record has no {key}; it has {listing(columns)}")
+    for key in {**scale, **unit}:
+        columns[key] = into_si(columns[key], key, unit.get(key), scale.get(key), joint.kind, joint.resolution)
+
+
+def into_si(raw: Array, key: str, unit: Any, scale: Any, kind: str, resolution: float | None) -> Array:
+    """One column in SI; `unit` and `scale` as in `dataset.toml`, None where not given."""
+    if unit is not None and scale is not None:
+        raise DataError(f"{key} has a unit and a scale: give one of them (scale turns the raw numbers into SI)")
+    if scale is not None:
+        return raw * number({key: scale}, key, "scale.", "SI per raw number")
+    if unit is None:
+        return raw
+    if not isinstance(unit, str):
+        raise DataError(f"units.{key} must be a unit in quotes; {unit!r} given")
+    try:
+        factor, offset = units.into_si(unit, key, kind, resolution)
+    except DataError as error:
+        raise DataError(f"units.{key}: {error}") from None
+    return raw * factor + offset
+
+
+def check(table: formats.Table, columns: Mapping[str, Array]) -> None:
+    """What can be told with the line in the file; Record checks the rest."""
+    lengths = {k: len(v) for k, v in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in lengths.items()))
+    for key, value in columns.items():
+        bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
+        if len(bad):
+            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such)")
+    if lengths["time"] < 16:
+        raise DataError(f"{lengths['time']} samples; at least 16 are needed")
+    time = columns["time"]
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        i = int(back[0])
+        raise DataError(f"{table.place(i + 1)}: time does not run forward ({time[i]:.9g} s, then {time[i + 1]:.9g} s)")
+    if np.ptp(columns["position"]) == 0:
+        raise DataError("position never changes; nothing can be learnt from a joint that does not move")
+
+
+def expect_known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
+    """Raises DataError for a key that does not exist."""
+    for key in table:
+        if key not in names:
+            raise DataError(f"unknown key {where}{key}; expected {listing(names)}")
+
+
+def number(table: Mapping[str, Any], key: str, where: str, unit: str) -> Any:
+    """A number other than 0, None where it is not given."""
+    value = table.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-30 < abs(value) < 1e30:
+        raise DataError(f"{where}{key} must be a number other than 0 [{unit}]; {value!r} given")
+    return float(value)
+
+
+def subtable(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """A table inside a table, empty where it is not given."""
+    value = table.get(key, {})
+    if not isinstance(value, Mapping):
+        raise DataError(f"{key} must be a table; {value!r} given")
+    return value
