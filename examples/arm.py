@@ -3,7 +3,7 @@
     python examples/arm.py [JOINT ...]
 
 The arm of models/arm.xml moves all joints at once under a controller in MuJoCo, with friction on every joint and one
-more effect each: where MuJoCo can make it, by MuJoCo itself (a spring, a payload), or by a line of code here (an offset,
+more effect each. Where MuJoCo can make the effect it does (a spring, a payload), or a line of code here (an offset,
 cogging, a command that arrives late). What a robot logs, commanded torques and encoder positions, goes into a
 measurement set with the MJCF of the arm, which knows nothing of friction, effects and payload; `gms_mujoco.diagnose`
 names what is missing in each joint.
@@ -21,10 +21,9 @@ import numpy as np
 
 import gms_mujoco as gms
 from gms_mujoco import effects, formats
-from gms_mujoco.servo import MODELS
 
 SAMPLE, STEPS = 1e-3, 4  # s, time steps per sample
-DURATION, RECORDS = 8.0, 4  # s
+DURATION = 8.0  # s
 COUNTS = 2**20  # per revolution
 LARGE = ("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow")
 USES = ("fit", "fit", "fit", "validate")
@@ -81,9 +80,11 @@ def friction(joint: str) -> gms.Plant:
     ) + effects.find("viscous")(coefficient=0.6 * level)
 
 
-def references(rng: np.random.Generator, n_joints: int, moving: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def references(
+    rng: np.random.Generator, n_joints: int, moving: list[int], duration: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(n, joints) position and velocity to follow: sums of a few slow and fast sines, so that joints turn round."""
-    t = np.arange(round(DURATION / SAMPLE)) * SAMPLE
+    t = np.arange(round(duration / SAMPLE)) * SAMPLE
     rise = np.clip(t / 1.0, 0, 1) ** 2 * (3 - 2 * np.clip(t / 1.0, 0, 1))
     q = np.zeros((len(t), n_joints))
     for j in moving:
@@ -94,10 +95,10 @@ def references(rng: np.random.Generator, n_joints: int, moving: list[int]) -> tu
     return q, np.gradient(q, SAMPLE, axis=0)
 
 
-def measure(joint: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def measure(joint: str, hidden: Hidden, seed: int, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One log of the arm while `joint` has its hidden effect: time (n,), torque and position (n, joints)."""
-    hidden, rng = HIDDEN[joint], np.random.default_rng(seed)
-    spec = mujoco.MjSpec.from_file(str(MODELS / "arm.xml"))
+    rng = np.random.default_rng(seed)
+    spec = mujoco.MjSpec.from_file(str(gms.MODELS / "arm.xml"))
     names = [j.name for j in spec.joints]
     for name in names:
         plant = friction(name)
@@ -109,7 +110,7 @@ def measure(joint: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     spec.option.timestep = SAMPLE / STEPS
     model = spec.compile()
     data, k = mujoco.MjData(model), names.index(joint)
-    target, speed = references(rng, len(names), [k] if hidden.alone else list(range(len(names))))
+    target, speed = references(rng, len(names), [k] if hidden.alone else list(range(len(names))), duration)
     start = rng.uniform(-0.4, 0.4, len(names)) + np.array([0, 0.5, 0, 0.8, 0, 0.5, 0])
     data.qpos = start
     inertia = np.array([max(model.dof_armature[i], 0.1) for i in range(model.nv)])
@@ -131,14 +132,17 @@ def measure(joint: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(len(target)) * SAMPLE, torque, position
 
 
-def write(folder: Path, joint: str, seed: int = 0) -> Path:
+def write(
+    folder: Path, joint: str, seed: int = 0, hidden: Hidden | None = None, uses: tuple[str, ...] = USES,
+    duration: float = DURATION,
+) -> Path:
     """A measurement set of one joint: logs of the whole arm and its MJCF."""
     names = list(HIDDEN)
-    lines = ["[axis]", f'model = "{(MODELS / "arm.xml").as_posix()}"', f'joint = "{joint}"',
+    lines = ["[axis]", f'model = "{(gms.MODELS / "arm.xml").as_posix()}"', f'joint = "{joint}"',
              f"encoder_counts_per_rev = {COUNTS}"]
     columns = ", ".join(f'{name} = "q_{name}"' for name in names)
-    for i, use in enumerate(USES):
-        t, torque, position = measure(joint, 100 * seed + i)
+    for i, use in enumerate(uses):
+        t, torque, position = measure(joint, hidden or HIDDEN[joint], 100 * seed + i, duration)
         table = {"t": t, "tau": torque[:, names.index(joint)]}
         table |= {f"q_{name}": position[:, k] for k, name in enumerate(names)}
         formats.write(folder / f"{joint}_{i}.npz", table)

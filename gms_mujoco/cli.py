@@ -82,7 +82,9 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=run)
         return sub
 
-    dataset_help = "folder with dataset.toml, or that file"
+    def dataset(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument("dataset", metavar="DATASET", help="folder with dataset.toml, or that file")
+        sub.add_argument("--joint", metavar="NAME", help="which joint, where the set is of several joints of a robot")
 
     sub = command("demo", _demo, "simulate a servo axis with a hidden effect and find it", "demo --seed 3 -o demo")
     sub.add_argument("--seed", type=int, default=0, help="draws the axis and the effect it hides (default: 0)")
@@ -91,19 +93,19 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("fit", _fit, "identify the parameters of a plant from measured records",
                   "fit measurements/ --effects gms,viscous,cogging -o model.toml")
-    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    dataset(sub)
     sub.add_argument("-o", "--output", required=True, metavar="MODEL.toml", help="the identified plant")
     sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
 
     sub = command("compare", _compare, "score a plant against measured records, one by one and pooled",
                   "compare model.toml measurements/ --json scores.json")
     sub.add_argument("model", metavar="MODEL.toml", help="plant to score")
-    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    dataset(sub)
     sub.add_argument("--json", metavar="FILE", help="write the scores to this file too")
 
     sub = command("diagnose", _diagnose, "find the effects that a plant lacks, add them and fit again",
                   "diagnose measurements/ -o diagnosis")
-    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    dataset(sub)
     sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous)")
     sub.add_argument("-o", "--output", required=True, metavar="DIR",
                      help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
@@ -111,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("frf", _frf, "estimate frequency responses, and read friction from the Dahl resonance",
                   "frf measurements/ -o responses.csv")
-    sub.add_argument("dataset", metavar="DATASET", help=dataset_help)
+    dataset(sub)
     sub.add_argument("-o", "--output", metavar="FILE.csv", help="write every response to this file")
     sub.add_argument("--period", type=float, metavar="SECONDS", help="of the excitation (default: found in the torque)")
     sub.add_argument("--segment", type=float, metavar="SECONDS",
@@ -161,7 +163,7 @@ def _fit(options: argparse.Namespace) -> None:
     from .fit import baseline, fit
 
     output = files.expect_writable(options.output)
-    runs = _load(options.dataset)
+    runs = _load(options)
     plant = baseline(runs.inertia, runs.kind)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
@@ -180,7 +182,7 @@ def _compare(options: argparse.Namespace) -> None:
 
     output = files.expect_writable(options.json) if options.json else None
     plant = Plant.load(options.model).complete()
-    runs = _load(options.dataset)
+    runs = _load(options)
     _expect_kind(plant, runs, options.model)
     scores = compare(plant, runs.records)
     by_use = _by_use(scores)
@@ -197,7 +199,7 @@ def _diagnose(options: argparse.Namespace) -> None:
 
     extra = files.expect_writable(options.json) if options.json else None
     plant = Plant.load(options.model) if options.model else None
-    runs = _load(options.dataset)
+    runs = _load(options)
     if plant is not None:
         _expect_kind(plant, runs, options.model)
     folder = files.make_folder(options.output)
@@ -218,7 +220,7 @@ def _frf(options: argparse.Namespace) -> None:
     for key in ("period", "segment"):
         if getattr(options, key) is not None and not 0 < getattr(options, key) < math.inf:
             raise DataError(f"--{key} must be a positive number of seconds; {getattr(options, key):g} given")
-    runs = _load(options.dataset, records=False)
+    runs = _load(options, records=False)
     found = list(runs.frfs)
     for record in runs.records:
         try:
@@ -299,10 +301,10 @@ def _view(options: argparse.Namespace) -> None:
 # What the commands share.
 
 
-def _load(path: str, records: bool = True) -> Dataset:
-    runs = load(path)
+def _load(options: argparse.Namespace, records: bool = True) -> Dataset:
+    runs = load(options.dataset, options.joint)
     if records and not runs.records:
-        raise DataError(f"{path}: only frequency responses, no [[record]]; {PROGRAM} frf reads them")
+        raise DataError(f"{options.dataset}: only frequency responses, no [[record]]; {PROGRAM} frf reads them")
     for line in (runs.split, *runs.notes):
         print(line, file=sys.stderr)
     return runs
