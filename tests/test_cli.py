@@ -206,7 +206,7 @@ def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_interrupting_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupted(path: str) -> None:
+    def interrupted(path: str, joint: str | None) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cli, "load", interrupted)
