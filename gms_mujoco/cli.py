@@ -98,10 +98,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
 
     sub = command("compare", _compare, "score a plant against measured records, one by one and pooled",
-                  "compare model.toml measurements/ --json scores.json")
+                  "compare model.toml measurements/ --report compare.html")
     sub.add_argument("model", metavar="MODEL.toml", help="plant to score")
     dataset(sub)
-    sub.add_argument("--json", metavar="FILE", help="write the scores to this file too")
+    sub.add_argument("--json", metavar="FILE", help="write the scores and every view of the residual to this file")
+    sub.add_argument("--report", metavar="FILE.html", help="write a page that shows where the plant fails")
 
     sub = command("diagnose", _diagnose, "find the effects that a plant lacks, add them and fit again",
                   "diagnose measurements/ -o diagnosis")
@@ -179,8 +180,10 @@ def _fit(options: argparse.Namespace) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from .compare import compare
+    from .report import render_comparison
 
     output = files.expect_writable(options.json) if options.json else None
+    page = files.expect_writable(options.report) if options.report else None
     plant = Plant.load(options.model).complete()
     runs = _load(options)
     _expect_kind(plant, runs, options.model)
@@ -192,6 +195,9 @@ def _compare(options: argparse.Namespace) -> None:
     for use, pooled in by_use.items():
         print(f"{use}: torque error {100 * pooled['torque_error']:.2f} %, "
               f"noise floor {100 * pooled['noise_floor']:.2f} %")
+    if page:
+        files.write_text(page, render_comparison(scores, Path(options.model).stem))
+        print(f"wrote {page}")
 
 
 def _diagnose(options: argparse.Namespace) -> None:
@@ -369,7 +375,7 @@ def _say_results(folder: Path) -> None:
 
 def _parameters(plant: Plant) -> str:
     """Every parameter with its 95 % interval, one a line."""
-    from .report import parameter_rows
+    from .page import parameter_rows
 
     rows = parameter_rows(plant)
     return "\n".join(f"  {name:36} {value:>12}  {interval:28} {unit}" for name, value, interval, unit in rows)

@@ -105,6 +105,11 @@ class Comparison:
         """Where the residual leaves its noise band most, in one or two lines."""
         return self._residuals.where(self.views, self.regimes)
 
+    @cached_property
+    def after_reversal(self) -> tuple[Array, Array, Array] | None:
+        """Friction along the motion after a reversal, measured and of the plant; see `Residuals.after_reversal`."""
+        return self._residuals.after_reversal()
+
     def view(self, name: str, record: str = "") -> ResidualMap | None:
         """The view of that name, of all records or of one; None where these records do not have it."""
         return next((m for m in self.views if (m.name, m.record) == (name, record)), None)

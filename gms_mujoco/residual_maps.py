@@ -70,11 +70,30 @@ class ResidualMap:
         return np.abs(self.mean - self.expected) > self.band
 
     @property
+    def style(self) -> str:
+        """How it is drawn: "steps" (a mean in each bin), "stems" or "line"."""
+        if self.name.endswith(("_harmonic", "correlation")):
+            return "stems"
+        return "line" if self.name == "frequency" else "steps"
+
+    @property
+    def log(self) -> tuple[bool, bool]:
+        """Which axes are logarithmic."""
+        return self.name in ("frequency", "since_reversal", "time_since_reversal"), self.name == "frequency"
+
+    @property
+    def value_label(self) -> str:
+        """Of the vertical axis."""
+        if self.name.endswith("correlation"):
+            return "coefficient"
+        return "amplitude" if self.name.endswith("_harmonic") else "residual"
+
+    @property
     def title(self) -> str:
         """Of a figure."""
         what = {
-            "autocorrelation": "residual with itself",
-            "input_correlation": "residual with the torque",
+            "autocorrelation": "autocorrelation of the residual",
+            "input_correlation": "correlation of the residual with the torque",
             "frequency": "spectrum of the residual",
             "revolution_harmonic": "residual, harmonics of the revolution",
             "time_harmonic": "residual, harmonics of the excitation",

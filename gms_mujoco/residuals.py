@@ -33,6 +33,7 @@ _FOLDS = 24  # stretches of a record, of which every second one predicts the oth
 _HARMONICS = 64  # per revolution
 _TIME_HARMONICS = 15
 _DOUBT = 1.0  # of what sampling does: it is seen on the smoothed motion, which has rounder corners than the true one
+_LAST = 5  # break-away distances: beyond, friction after a reversal is that of sliding
 _BANDS = 24  # of the spectrum
 _CORRELATED = 40  # lags of the correlation functions
 
@@ -58,6 +59,11 @@ class Residuals:
     def _noise(self) -> NoiseBand:
         return NoiseBand.of(self._drawn)
 
+    @cached_property
+    def _break_away(self) -> float:
+        span = max(float(np.ptp(r.position)) for r in self.records)
+        return break_away_distance(self.plant, span) if span else 0.0
+
     def views(self) -> tuple[ResidualMap, ...]:
         """Every view that these records allow; those of all records first."""
         out = [self._mean(name, label, unit, along) for name, label, unit, along in self._quantities()]
@@ -68,9 +74,7 @@ class Residuals:
 
     def regimes(self) -> tuple[Regime, ...]:
         """Error in pre-sliding, after reversals and in sliding; a regime that the records do not enter is left out."""
-        span = max(float(np.ptp(r.position)) for r in self.records)
-        far = break_away_distance(self.plant, span) if span else 0.0
-        where = np.concatenate([s.regime(far) for s in self._swings])
+        where = np.concatenate([s.regime(self._break_away) for s in self._swings])
         residual, floor = np.concatenate(self._parts), np.concatenate([r.floor for r in self.records])
         torque = float(np.sqrt(np.mean(np.concatenate([r.measured for r in self.records]) ** 2))) or 1e-300
         out = []
@@ -88,6 +92,29 @@ class Residuals:
         offset = sum(float(p.sum()) for p in self._parts) / n
         floor = math.sqrt(sum(float(r.floor @ r.floor) for r in self.records)) or 1e-300
         return where(views, regimes, math.sqrt(self._square) / floor, offset, n * offset**2 / self._square, self.torque)
+
+    def after_reversal(self) -> tuple[Array, Array, Array] | None:
+        """Friction along the motion after a reversal, in swings that end in sliding: the hysteresis as one curve.
+
+        Returns:
+            (b,) distance since the reversal [rad], mean of the measured torque less that of the inertia, and of what
+            the plant needs less the same, both along the motion [N m]; None where too few swings slide.
+        """
+        far = self._break_away
+        inertia = self.plant.driven_inertia
+        x, measured, needed = (np.concatenate(parts) for parts in zip(*(
+            (s.distance, s.direction * (r.measured - inertial), s.direction * (r.needed - inertial))
+            for r, s in zip(self.records, self._swings, strict=True)
+            for inertial in [inertia * r.observation.acceleration]
+        ), strict=True))  # fmt: skip
+        length = np.concatenate([s.length for s in self._swings])
+        keep = (length >= far) & (x > 0) & (x < _LAST * far)
+        n = min(_OTHER_BINS, int(keep.sum()) // _FEWEST)
+        if n < 4:
+            return None
+        edges = np.quantile(x[keep], np.linspace(0, 1, n + 1)[1:-1])
+        group = np.where(keep, np.searchsorted(edges, x), -1)
+        return group_means(group, x, n), group_means(group, measured, n), group_means(group, needed, n)
 
     # Means over a quantity.
 
@@ -218,16 +245,20 @@ class Residuals:
 
     def _harmonics(self, phases: list[Array], which: Sequence[int], orders: Index) -> tuple[Array, Array, Array]:
         """Amplitude of each harmonic by itself, its band under noise, and its share of the squared residual."""
-        values, sampled = ([x - np.mean(np.concatenate(parts)) for x in parts] for parts in (
-            [self._parts[k] for k in which], [self.records[k].sampling for k in which]
-        ))  # fmt: skip
+        values, sampled = [self._parts[k] for k in which], [self.records[k].sampling for k in which]
         amplitude, band, share = np.zeros(len(orders)), np.zeros(len(orders)), np.zeros(len(orders))
-        total = max(float(sum(v @ v for v in values)), 1e-300)
+        weights = _evenly(phases)
+        values, sampled = (
+            [x - sum(float(w @ v) for w, v in zip(weights, xs, strict=True)) / sum(map(np.sum, weights)) for x in xs]
+            for xs in (values, sampled)
+        )
+        total = max(float(sum(w @ v**2 for w, v in zip(weights, values, strict=True))), 1e-300)
         for i, order in enumerate(orders):
             waves = [np.stack([np.cos(order * p), np.sin(order * p)], 1) for p in phases]
-            inverse = np.linalg.pinv(sum(w.T @ w for w in waves), rcond=1e-6)
-            right, known = (sum(w.T @ x for w, x in zip(waves, xs, strict=True)) for xs in (values, sampled))
-            noise = inverse @ sum(self._noise.covariance(w) for w in waves) @ inverse
+            even = [w * g[:, None] for w, g in zip(waves, weights, strict=True)]
+            inverse = np.linalg.pinv(sum(w.T @ e for w, e in zip(waves, even, strict=True)), rcond=1e-6)
+            right, known = (sum(e.T @ x for e, x in zip(even, xs, strict=True)) for xs in (values, sampled))
+            noise = inverse @ sum(self._noise.covariance(e) for e in even) @ inverse
             # The square of a circular normal pair is exponential: P(a^2 > x) = exp(-x / E a^2).
             band[i] = math.sqrt(max(-math.log(1 - CONFIDENCE) * float(np.trace(noise)), 0.0))
             band[i] += (1 + _DOUBT) * float(np.hypot(*(inverse @ known)))
@@ -313,6 +344,14 @@ class Residuals:
 
     def _input_correlation(self) -> ResidualMap | None:
         return self._correlation("input_correlation", lambda r: r.measured, -10)
+
+
+def _evenly(phases: Sequence[Array], sectors: int = 72) -> list[Array]:
+    """Weights with which every sector of the circle counts the same; where a joint dwells, all harmonics look alike."""
+    group = [np.floor(np.mod(p / (2 * math.pi), 1.0) * sectors).astype(int) % sectors for p in phases]
+    count = np.bincount(np.concatenate(group), minlength=sectors)
+    weight = 1 / np.maximum(count, 0.2 * count.mean())
+    return [weight[g] / weight.mean() for g in group]
 
 
 def _predicted(groups: Sequence[Index], values: Sequence[Array], n: int) -> float:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from . import files
 from .errors import DataError, GmsError
 from .figure import spread, thin, worst_stretch
-from .report import step_names, worst_first
+from .page import worst_first
+from .report import step_names
 
 if TYPE_CHECKING:
     from .diagnose import Diagnosis

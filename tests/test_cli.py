@@ -60,7 +60,9 @@ def test_fit_then_compare(small_set: Path, tmp_path: Path, capsys: pytest.Captur
     plant = Plant.load(model)
     assert plant["coulomb"].coulomb == pytest.approx(4e-3, rel=0.05)
     assert "coulomb.coulomb" in plant.uncertainty and "fit.csv" in plant.provenance["records"]
-    assert cli.main(["compare", str(model), str(small_set), "--json", str(scores)]) == 0
+    page = tmp_path / "page.html"
+    assert cli.main(["compare", str(model), str(small_set), "--json", str(scores), "--report", str(page)]) == 0
+    assert "Where this model fails" in page.read_text()
     table = json.loads(scores.read_text())
     assert {r["use"] for r in table["records"]} == set(table["by_use"]) == {"fit", "validate"}
     for pooled in (table, *table["records"], *table["by_use"].values()):

@@ -21,6 +21,7 @@ LAYERS = [
     {"dataset"},
     {"screen", "remainder", "goals"},
     {"diagnose"},
+    {"page"},
     {"demo", "report"},
     {"env", "vector_env", "control", "view"},
     {"learn"},

@@ -1,0 +1,70 @@
+"""The pages stand alone and tell everything."""
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from told import Told, tell
+
+from gms_mujoco import effects, page, report
+from gms_mujoco.plant import Plant
+
+
+@pytest.fixture(scope="module")
+def told(small_set: Path) -> Told:
+    return tell(small_set)
+
+
+def _sound(text: str) -> list[str]:
+    """The figures of a page that asks for nothing outside itself."""
+    assert not re.search(r"(src|href)\s*=|url\(|@import|<script", text)
+    figures = re.findall(r"<svg.*?</svg>", text, re.S)
+    for svg in figures:
+        assert ET.fromstring(svg) is not None and "nan" not in svg
+    ET.fromstring(re.sub(r"<!doctype html>|<meta[^>]*>|<br>", "", text))  # every tag is closed
+    return figures
+
+
+def test_the_page_of_a_diagnosis_tells_everything(told: Told) -> None:
+    text = report.render(told)
+    assert len(_sound(text)) > 8
+    for said in ("partly explained", "+ viscous", "quadratic_drag", "&lt;grows&gt;", "faster &amp; longer"):
+        assert said in text
+    for c in told.comparisons:
+        assert c.where.splitlines()[0] in text
+    for name, *_ in page.parameter_rows(told.plant):
+        assert name in text
+
+
+def test_the_page_of_a_comparison_shows_every_view(told: Told) -> None:
+    c = told.comparisons[0]
+    text = report.render_comparison(c, "my <model>")
+    _sound(text)
+    assert "my &lt;model&gt;" in text and "<model>" not in text
+    for m in c.views:
+        if m.name != "time":  # shown sample by sample
+            assert m.title[1:].split(",")[0] in text
+    for g in c.regimes:
+        assert g.name in text
+    assert "above the noise floor" in text and page.percent(c.torque_error) in text
+
+
+def test_a_diagnosis_without_validate_records_has_a_page(told: Told) -> None:
+    table = {**told.table, "steps": [{**s, "validate_error": None} for s in told.table["steps"]]}
+    text = report.render(replace(told, comparisons=(), table=table))
+    assert "none was held out" in text and "Where it fails" not in text
+
+
+def test_parameters_show_their_interval_and_unit() -> None:
+    plant = Plant.axis(2.0, "slide") + effects.find("coulomb")(coulomb=20.0)
+    intervals = {"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}
+    rows = page.parameter_rows(replace(plant, uncertainty=intervals))
+    assert rows == [("inertia", "2", "not seen by this data", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
+
+
+def test_an_effect_with_one_element_shows_its_interval() -> None:
+    plant = Plant.axis(1.0) + effects.find("cogging")(harmonics=[5], amplitude=[0.2], phase=[0.1])
+    rows = page.parameter_rows(replace(plant, uncertainty={"cogging.amplitude": (0.1, 0.3)}))
+    assert ("cogging.amplitude", "0.2", "[0.1, 0.3]", "N m") in rows
