@@ -29,8 +29,8 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
     }
     return -total;
   }
-  const double direction = gms::sign(m.displacement), scale = level.at(direction);
-  const double distance = std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
+  const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
+  const double distance = scale * std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
   double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
   const auto look = [&] {
     if (s >= 0) return;
@@ -49,7 +49,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
       continue;
     }
     // It sticks, or has just reversed and sticks again.
-    const double stuck = force + scale * stiffness[i] * distance;
+    const double stuck = force + stiffness[i] * distance;
     double slip = 0;
     if (stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
       force = stuck;

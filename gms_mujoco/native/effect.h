@@ -100,8 +100,8 @@ inline double decay(double x) {
   constexpr int n = PowersOfHalf::kParts;
   constexpr double ln2 = 0.6931471805599453;
   if (!(x < 700)) return x != x ? x : 0;
-  const int k = static_cast<int>(x * (n / ln2) + 0.5);
-  const double r = k * (ln2 / n) - x, r2 = r * r;  // |r| < 0.0055
+  const unsigned k = static_cast<unsigned>(static_cast<int>(x * (n / ln2) + 0.5));
+  const double r = static_cast<int>(k) * (ln2 / n) - x, r2 = r * r;  // |r| < 0.0055
   const double e = (1 + r) + r2 * ((0.5 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120)));
   const long long bits = (1023LL - k / n) << 52;
   double scale;

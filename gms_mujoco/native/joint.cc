@@ -46,12 +46,15 @@ double Joint::torque(const Sample& now, const double* state, double* next, doubl
     motion.displacement = now.position - state[0];
     motion.duration = std::max(now.time - state[1], 0.0);
   }
+  return next ? torque(motion, state, next, parts) : torque_only(motion, state, parts);
+}
+
+double Joint::torque_only(const Motion& motion, const double* state, double* parts) const {
+  double next[kMaxState];
   return torque(motion, state, next, parts);
 }
 
 double Joint::torque(const Motion& motion, const double* state, double* next, double* parts) const {
-  double scratch[kMaxState];
-  if (!next) next = scratch;
   next[0] = motion.position;
   next[1] = motion.time;
 
@@ -73,8 +76,7 @@ double Joint::torque_ahead(const Sample& now, const double* state, double h, dou
   double moved = (fresh ? 0 : now.position - state[0]) + h * v;
   if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill
   const double duration = (fresh ? 0 : std::max(now.time - state[1], 0.0)) + h;
-  return torque(Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature}, state,
-                nullptr, nullptr);
+  return torque_only(Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature}, state);
 }
 
 double Joint::implicit_torque(const Sample& now, const double* state, double h, double free_velocity,
@@ -85,7 +87,7 @@ double Joint::implicit_torque(const Sample& now, const double* state, double h, 
   const double duration = (fresh ? 0 : std::max(now.time - state[1], 0.0)) + h;
   const auto force = [&](double v, double displacement) {
     const Motion motion{now.position + h * v, displacement, v, duration, now.time + h, now.load, now.temperature};
-    return torque(motion, state, nullptr, nullptr);
+    return torque_only(motion, state);
   };
 
   // Friction can jump only where the displacement changes sign: look there first, from either side.
@@ -148,9 +150,9 @@ double Joint::slope_once(double h) const {
   double state[kMaxState], largest = 0;
   for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only
     recall(std::vector<double>(n_memory_, memory).data(), state);
-    const double rest = torque(Motion{0, 0, 0, h, h, 0, 0}, state, nullptr, nullptr);
+    const double rest = torque_only(Motion{0, 0, 0, h, h, 0, 0}, state);
     for (const double x : {kSmall, -kSmall}) {
-      const double moving = torque(Motion{x, x, x / h, h, h, 0, 0}, state, nullptr, nullptr);
+      const double moving = torque_only(Motion{x, x, x / h, h, h, 0, 0}, state);
       largest = std::max(largest, std::fabs(moving - rest) * h / kSmall);
     }
   }
@@ -160,8 +162,8 @@ double Joint::slope_once(double h) const {
 bool Joint::reads_load() const {
   double state[kMaxState];
   reset(state);
-  const double light = torque(Motion{1, 1, 1, 1, 1, 0, 0}, state, nullptr, nullptr);
-  return torque(Motion{1, 1, 1, 1, 1, 1, 0}, state, nullptr, nullptr) != light;
+  const double light = torque_only(Motion{1, 1, 1, 1, 1, 0, 0}, state);
+  return torque_only(Motion{1, 1, 1, 1, 1, 1, 0}, state) != light;
 }
 
 }  // namespace gms

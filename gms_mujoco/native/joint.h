@@ -83,6 +83,7 @@ class Joint {
  private:
   double slope_once(double h) const;
   double torque(const Motion& motion, const double* state, double* next, double* parts) const;
+  double torque_only(const Motion& motion, const double* state, double* parts = nullptr) const;
 
   struct Call {  // of a function of one effect
     const Effect* effect;

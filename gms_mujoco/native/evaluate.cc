@@ -1,0 +1,227 @@
+#include "evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+namespace gms {
+
+namespace {
+
+constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
+
+// Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
+// rounding error each time; another passive force that came in between is kept.
+void apply(const Unit& x, mjData* d, double f) {
+  double *book = x.book(d), *total = d->qfrc_passive + x.dof;
+  if (*total != book[kSum]) book[kBase] += *total - book[kSum];
+  book[kTorque] = f;
+  *total = book[kSum] = book[kBase] + f;
+}
+
+// Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
+// that is left for the coupling between joints, and below it the explicit step is the more accurate one.
+void choose_integration(const mjModel* m, Group* g, Unit* x) {
+  g->n_late -= x->late();
+  x->timestep = m->opt.timestep;
+  x->weight = m->dof_invweight0[x->dof];
+  x->slope = x->joint->slope(x->timestep);
+  x->implicit = x->integration == 2 || (x->integration == 0 && x->timestep * x->weight * x->slope > kExplicitLimit);
+  g->n_late += x->late();
+}
+
+// The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
+void set_out(const Unit& x, mjData* d) {
+  double *state = x.state(d), first[Joint::kMaxState];
+  state[0] = state[1] = std::nan("");
+  x.joint->torque(x.now(d, nullptr), state, first);
+  std::copy(first, first + x.n_state, state);
+}
+
+// Torque of a late joint over a step with the acceleration that stands in qacc: what mj_inverse asks for. It calls
+// us with the passive forces and never again, as mj_forward does, which will put another torque in this place.
+double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, const double* state, double last) {
+  const Sample now = x.now(d, d->qfrc_actuator);
+  if (!x.implicit) return x.joint->torque(now, state, nullptr);
+  const double h = m->opt.timestep, v = now.velocity + h * d->qacc[x.dof];
+  const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
+  const double forward = x.joint->torque_ahead(now, state, h, still, 1);
+  const double backward = x.joint->torque_ahead(now, state, h, still, -1);
+  if (std::fabs(v - still) <= kStill * h * x.weight * (backward - forward)) {  // holds, with any torque in between
+    return std::min(std::max(last, forward), backward);
+  }
+  return x.joint->torque_ahead(now, state, h, v, v > still ? 1 : -1);
+}
+
+// The torque to begin with where the last advance has not left just this.
+double look(const mjModel* m, mjData* d, const Unit& x, double* state, double* book) {
+  // Setting a position after a reset, or turning time back, is no motion.
+  if (d->time < state[1]) book[kFresh] = 1;
+  if (book[kFresh] != 0 && !(d->time > state[1])) set_out(x, d);
+  if (!x.late()) return x.joint->torque(x.now(d, nullptr), state, nullptr);
+  if (d->time > state[1]) return book[kTorque];  // a stage of RK4 keeps the torque of the first
+  return torque_of_acceleration(m, d, x, state, book[kTorque]);
+}
+
+// Torque of the actuators on each dof, from the forces they have now; null where MuJoCo has to do more than clamp
+// and sum, or where another plug-in may not have given its force yet.
+const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
+  double* torque = g->actuator.data();
+  std::fill(torque, torque + m->nv, 0.0);
+  for (int i = 0; i < m->nactuator; i++) {
+    if (m->actuator_biastype[i] == mjBIAS_DCMOTOR || m->actuator_outnum[i] != 1) return nullptr;
+    if (m->actuator_plugin[i] >= 0) return nullptr;
+    if (m->actuator_trntype[i] == mjTRN_TENDON && m->tendon_actfrclimited[m->actuator_trnid[2 * i]]) return nullptr;
+    const int out = m->actuator_outadr[i], start = d->moment_rowadr[out];
+    double force = d->actuator_force[out];
+    if (force == 0) continue;
+    if (m->actuator_forcelimited[i]) {
+      force = std::min(std::max(force, m->actuator_forcerange[2 * i]), m->actuator_forcerange[2 * i + 1]);
+    }
+    for (int k = 0; k < d->moment_rownnz[out]; k++) {
+      torque[d->moment_colind[start + k]] += d->actuator_moment[start + k] * force;
+    }
+  }
+  const double* gravity = m->opt.gravity;
+  const bool compensated = m->flg_gravcomp && !(m->opt.disableflags & mjDSBL_GRAVITY) &&
+                           (gravity[0] != 0 || gravity[1] != 0 || gravity[2] != 0);
+  for (int i = 0; compensated && i < m->njnt; i++) {
+    if (!m->jnt_actgravcomp[i]) continue;
+    const int dof = m->jnt_dofadr[i];
+    const int size = m->jnt_type[i] == mjJNT_FREE ? 6 : m->jnt_type[i] == mjJNT_BALL ? 3 : 1;
+    for (int k = dof; k < dof + size; k++) torque[k] += d->qfrc_gravcomp[k];
+  }
+  for (int i = 0; i < m->njnt; i++) {
+    if (!m->jnt_actfrclimited[i]) continue;
+    double& t = torque[m->jnt_dofadr[i]];
+    t = std::min(std::max(t, m->jnt_actfrcrange[2 * i]), m->jnt_actfrcrange[2 * i + 1]);
+  }
+  return torque;
+}
+
+// Adds the wrenches that act on bodies.
+void add_wrenches(const mjModel* m, const mjData* d, double* tau) {
+  std::uint64_t any = 0;
+  for (int i = 6; i < 6 * m->nbody; i++) {
+    std::uint64_t bits;
+    std::memcpy(&bits, d->xfrc_applied + i, sizeof bits);
+    any |= bits;
+  }
+  for (int i = 1; any && i < m->nbody; i++) {
+    const double* w = d->xfrc_applied + 6 * i;
+    if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0 || w[4] != 0 || w[5] != 0) {
+      engine.mj_applyFT(m, const_cast<mjData*>(d), w, w + 3, d->xipos + 3 * i, i, tau);
+    }
+  }
+}
+
+// Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
+void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
+  int n = 0;
+  for (Instance* instance : g->instances) {
+    for (Unit& x : instance->units) {
+      if (!x.late() || x.asleep(d)) continue;
+      double *state = x.state(d), *book = state + x.n_state;
+      if (!x.implicit) {
+        apply(x, d, x.joint->torque(x.now(d, actuator), state, nullptr));
+        continue;
+      }
+      if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
+      if (d->qfrc_passive[x.dof] != book[kSum]) {  // another has added to it since we wrote
+        book[kBase] += d->qfrc_passive[x.dof] - book[kSum];
+        book[kSum] = d->qfrc_passive[x.dof];
+      }
+      g->active[n] = &x;
+      auto& u = g->implicit.units[n++];
+      u.joint = x.joint;
+      u.dof = x.dof;
+      u.weight = x.weight;
+      u.steepest = x.slope;
+      u.now = x.now(d, actuator);
+      u.state = state;
+      u.torque = book[kAhead];
+      u.slope = book[kSlope];
+    }
+  }
+  if (n == 0) return;
+
+  double* tau = g->tau.data();
+  for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
+  for (int i = 0; i < n; i++) {
+    const Unit* x = g->active[i];
+    tau[x->dof] = x->book(d)[kBase] - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
+  }
+  add_wrenches(m, d, tau);
+  // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
+  const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
+                      !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
+  const Tree inertia{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind, d->M, d->qLD, d->qLDiagInv};
+  g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, m->opt.timestep);
+  for (int i = 0; i < n; i++) {
+    const auto& u = g->implicit.units[i];
+    apply(*g->active[i], d, u.torque);
+    g->active[i]->book(d)[kNextSlope] = u.slope;
+  }
+}
+
+}  // namespace
+
+void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) {
+  for (Unit& x : instance->units) {
+    if (x.timestep != m->opt.timestep || x.weight != m->dof_invweight0[x.dof]) choose_integration(m, g, &x);
+    if (x.asleep(d)) continue;
+    double *state = x.state(d), *book = state + x.n_state, *total = d->qfrc_passive + x.dof;
+    // As a rule the last advance has evaluated just this, and nobody has asked for another acceleration.
+    const bool known = d->time == state[1] && d->qpos[x.qpos] == state[0] && d->qvel[x.dof] == book[kAheadVelocity] &&
+                       book[kFresh] == 0;
+    double f;
+    if (known && !x.late()) {
+      f = book[kAhead];
+    } else if (known && d->qacc[x.dof] == book[kPastAcceleration]) {
+      f = book[kTorque];
+    } else {
+      f = look(m, d, x, state, book);
+    }
+    book[kTorque] = f;
+    book[kBase] = *total;
+    *total = book[kSum] = book[kBase] + f;
+  }
+}
+
+void compute_late(const mjModel* m, mjData* d, Group* g) {
+  const double* torque = actuator_torque(m, d, g);
+  if (!torque) {  // MuJoCo goes on from the forces as they are now, once we return
+    std::copy(d->actuator_force, d->actuator_force + m->nout, g->force.begin());
+    g->inside = true;
+    engine.mj_fwdActuation(m, d);
+    g->inside = false;
+    std::copy(g->force.begin(), g->force.end(), d->actuator_force);
+    torque = d->qfrc_actuator;
+  }
+  evaluate_late(m, d, g, d->qfrc_bias, torque);
+}
+
+void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias) {
+  std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
+  evaluate_late(m, d, g, bias, g->actuator.data());
+}
+
+void advance(mjData* d, const Instance& instance) {
+  double next[Joint::kMaxState];
+  for (const Unit& x : instance.units) {
+    double *state = x.state(d), *book = state + x.n_state;
+    if (x.asleep(d)) {
+      if (!std::isnan(state[1])) state[1] = d->time;
+      continue;
+    }
+    book[kAhead] = x.joint->torque(x.now(d, d->qfrc_actuator), state, next);
+    book[kAheadVelocity] = d->qvel[x.dof];
+    book[kPastAcceleration] = d->qacc[x.dof];
+    book[kFresh] = 0;
+    book[kSlope] = book[kNextSlope];
+    std::memcpy(state, next, x.n_state * sizeof(double));
+  }
+}
+
+}  // namespace gms

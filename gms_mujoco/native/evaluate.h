@@ -1,0 +1,25 @@
+// The friction of the instances of one mjData within MuJoCo's step.
+//
+// Explicit joints take their torque with the passive forces, at the position of the step. Late joints wait for the
+// torque of the actuators: those whose friction depends on it, and implicit ones, which solve all together for the
+// velocities at the end of the step (see Joint::slope).
+#ifndef GMS_MUJOCO_NATIVE_EVALUATE_H_
+#define GMS_MUJOCO_NATIVE_EVALUATE_H_
+
+#include "instance.h"
+
+namespace gms {
+
+// With the passive forces: explicit joints get their torque, late ones keep their last for now.
+void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance);
+
+// Torque of all late joints once the forces of the actuators are known, and where none act, from `bias` (qfrc_bias).
+void compute_late(const mjModel* m, mjData* d, Group* g);
+void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias);
+
+// The motion over the step has happened: the state moves on to where the joints are now.
+void advance(mjData* d, const Instance& instance);
+
+}  // namespace gms
+
+#endif  // GMS_MUJOCO_NATIVE_EVALUATE_H_

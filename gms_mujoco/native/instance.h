@@ -1,0 +1,81 @@
+// An instance of the plug-in as it stands in a model: the joints it acts on, their friction, and where all that is kept
+// in mjModel and mjData.
+#ifndef GMS_MUJOCO_NATIVE_INSTANCE_H_
+#define GMS_MUJOCO_NATIVE_INSTANCE_H_
+
+#include <mujoco/mujoco.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config.h"
+#include "implicit.h"
+#include "joint.h"
+
+// The symbols of libmujoco in use, the version first. Only the last is a variable. libmujoco is not linked: Python hands
+// over the addresses of its functions, after a look at its version.
+#define GMS_SYMBOLS(X)                                                                                   \
+  X(mj_version) X(mju_error) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig) X(mj_name2id) \
+  X(mj_rne) X(mj_fwdActuation) X(mj_applyFT) X(mjcb_control)
+
+namespace gms {
+
+struct Engine {
+#define GMS_MEMBER(name) decltype(&::name) name = nullptr;
+  GMS_SYMBOLS(GMS_MEMBER)
+#undef GMS_MEMBER
+};
+
+extern Engine engine;
+extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
+
+// After the joint's own state, in plugin_state: the torque that qfrc_passive contains now; whether the joint has
+// not moved since the reset; what qfrc_passive was without us; what we wrote there; where the next evaluation
+// starts from: the torque that the last advance found, the velocity it found it at, the acceleration that had led
+// there, and the slope of the law in the last implicit step (below 0: not known); the slope in this step.
+enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kBookkeeping };
+
+struct Unit {  // one joint
+  const Joint* joint = nullptr;
+  int dof = -1, qpos = -1, tree = -1, state_start = -1, n_state = 0, integration = 0;
+  bool implicit = false, reads_load = false;
+  double timestep = -1, weight = -1, slope = 0;  // for which `implicit` was chosen
+
+  double* state(mjData* d) const { return d->plugin_state + state_start; }
+  double* book(mjData* d) const { return state(d) + n_state; }
+  bool late() const { return implicit || reads_load; }
+  Sample now(const mjData* d, const double* load) const {
+    return {d->time, d->qpos[qpos], d->qvel[dof], reads_load && load ? load[dof] : 0, 0};
+  }
+  bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
+};
+
+struct Instance {
+  std::unique_ptr<Joint> joint = std::make_unique<Joint>();
+  int id = -1;
+  std::vector<Unit> units;
+};
+
+// All instances of one mjData, and room to work in. Owned by its instances together.
+struct Group {
+  std::vector<Instance*> instances;
+  int n_late = 0;
+  bool inside = false;  // mj_fwdActuation, called by us
+  Implicit implicit;
+  std::vector<double> tau, actuator, bias, force;
+  std::vector<Unit*> active;
+};
+
+// The text of a key in the <config> of an instance.
+Config config(const mjModel* m, int id);
+
+std::string instance_name(const mjModel* m, int id);
+std::vector<std::string> joint_names(const mjModel* m, int id);
+
+// Reads an instance from its config. Returns what is wrong, or nothing.
+std::string read_instance(const mjModel* m, int id, Instance* out);
+
+}  // namespace gms
+
+#endif  // GMS_MUJOCO_NATIVE_INSTANCE_H_
