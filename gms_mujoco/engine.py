@@ -12,7 +12,7 @@ import ctypes
 import fnmatch
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,8 @@ from .errors import EngineError, ModelError, listing
 from .plant import Plant
 
 PLUGIN = "gms_mujoco.friction"
+SENSOR = "gms_mujoco.sensor"
+READINGS = ("torque", "power", "states")
 
 
 def _libmujoco() -> ctypes.CDLL:
@@ -68,6 +70,7 @@ def attach(
     model: mujoco.MjSpec | str | os.PathLike[str],
     plants: Mapping[str, Plant],
     integration: str = "auto",
+    sensors: Collection[str] = (),
 ) -> mujoco.MjSpec:
     """Puts friction on joints of a MuJoCo model. Inertia and armature of the model stay as they are.
 
@@ -77,6 +80,8 @@ def attach(
         integration: "explicit", "implicit" (backward Euler: stable and bounded at any time step), or "auto": implicit
             for the joints whose friction is so stiff for the time step that an explicit one may be unstable, with
             h^2 k + h sigma above twice the inertia. Below that explicit is cheaper and more accurate.
+        sensors: MuJoCo sensors for each of the joints, out of "torque" [N m], "power" [W] and "states": what
+            `friction` gives, in `sensordata`. Sensor "JOINT_friction_torque" is the torque of JOINT.
 
     Returns:
         The MjSpec. `spec.compile()` makes the model, `spec.to_xml()` an MJCF that loads after
@@ -84,11 +89,14 @@ def attach(
 
     Raises:
         ModelError: no such joint, a ball or free joint, a joint that has friction already, a plant of another
-            kind or with parameters that have no value.
+            kind or with parameters that have no value, a sensor of another name.
     """
     spec = spec_of(model)
     if integration not in native.INTEGRATION:
         raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
+    for reads in sensors:
+        if reads not in READINGS:
+            raise ModelError(f"sensors are {listing(READINGS)}; {reads!r} given")
     chosen: dict[str, Plant] = {}
     for pattern, plant in plants.items():
         for joint in _matching(spec, pattern):
@@ -107,6 +115,7 @@ def attach(
             alike.setdefault((alone, *_config(natives, integration).items()), []).append(joint)
     for (_, *config), joints in alike.items():
         _add_instance(spec, joints, dict(config))
+        _add_sensors(spec, joints, sensors, chosen[joints[0].name].joint().n_state - 2)
     for name, plant in chosen.items():
         for e in plant.effects:
             e.edit(spec, name)
@@ -207,6 +216,22 @@ def _add_instance(spec: mujoco.MjSpec, joints: list[Any], config: dict[str, str]
         body.plugin = instance
 
 
+def _add_sensors(spec: mujoco.MjSpec, joints: list[Any], sensors: Collection[str], n_state: int) -> None:
+    """Sensors of joints with the same friction, `n_state` numbers of state each."""
+    for reads in sensors:
+        if reads == "states" and not n_state:
+            continue
+        spec.activate_plugin(SENSOR)
+        instance = spec.add_plugin(name=f"{joints[0].name}_friction_{reads}", plugin_name=SENSOR, active=True)
+        instance.config = {"reads": reads} | ({"size": str(n_state)} if reads == "states" else {})
+        for joint in joints:
+            sensor = spec.add_sensor(
+                name=f"{joint.name}_friction_{reads}", type=mujoco.mjtSensor.mjSENS_PLUGIN,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint.name,
+            )  # fmt: skip
+            sensor.plugin = instance
+
+
 def _config(effects: list[Effect], integration: str) -> dict[str, str]:
     config = {"effects": " ".join(e.name for e in effects)}
     if integration != "auto":
@@ -275,16 +300,29 @@ class Friction:
         torque: on the joint [N m].
         power: torque times velocity [W]; negative where friction eats it.
         states: (n_state,) inner state of each effect that has one. For gms, force and slip direction of each
-            element in turn [N m, -1, 0 or 1].
+            element in turn [N m, -1, 0 or 1]. As they were where the step begins; the torque is over the step.
     """
 
     torque: float
     power: float
     states: Mapping[str, NDArray[np.float64]]
 
+    @property
+    def forces(self) -> NDArray[np.float64]:
+        """(n,) force of each element of gms [N m], positive where it opposes positive motion; empty for other laws."""
+        return self.states.get("gms", np.empty(0))[::2]
+
+    @property
+    def slips(self) -> NDArray[np.bool_]:
+        """(n,) whether each element slips."""
+        return self.states.get("gms", np.empty(0))[1::2] != 0
+
 
 def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction:
     """Torque and element states of a joint, as of the last `mj_forward` or `mj_step`.
+
+    Takes some microseconds, for a look now and then. `attach(..., sensors=["torque"])` puts the same into `sensordata`
+    in every step.
 
     Raises:
         ModelError: no such joint, or it has no friction of ours.

@@ -56,13 +56,63 @@ def test_friction_is_read_out_by_joint():
     reading = engine.friction(model, data, "shaft")
     assert reading.torque == data.qfrc_passive[0]
     assert reading.power == reading.torque * data.qvel[0]
-    forces = reading.states["gms"][::2]
-    assert reading.torque == pytest.approx(-forces.sum() - 2e-5 * data.qvel[0])
+    assert reading.torque == pytest.approx(-reading.forces.sum() - 2e-5 * data.qvel[0])
+    assert np.array_equal(reading.slips, reading.states["gms"][1::2] != 0) and len(reading.slips) == 4
     with pytest.raises(ModelError, match="no joint is called 'elbow'; the joints are shaft"):
         engine.friction(model, data, "elbow")
     bare = mujoco.MjModel.from_xml_string(AXIS)
     with pytest.raises(ModelError, match="no friction"):
         engine.friction(bare, mujoco.MjData(bare), "shaft")
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_sensors_give_what_friction_gives(integration):
+    """Torque, power and states of each joint, also of a model that has joined another and gone through MJCF."""
+    spec = engine.attach(two_joint_arm(), {"shoulder": BEARING, "elbow": DRY}, integration, engine.READINGS)
+    parent = mujoco.MjSpec()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # gravity differs
+        parent.attach(spec, prefix="left_", frame=parent.worldbody.add_frame())
+        parent.compile()
+        model = mujoco.MjModel.from_xml_string(parent.to_xml())
+    data = mujoco.MjData(model)
+    slipped = 0
+    for k in range(200):
+        data.qfrc_applied[:] = 5.0 * np.sin([0.1 * k, 0.17 * k])
+        mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        for joint, law in (("left_shoulder", "gms"), ("left_elbow", "coulomb")):
+            reading = engine.friction(model, data, joint)
+            sensed = [data.sensor(f"{joint}_friction_{reads}").data for reads in engine.READINGS]
+            assert sensed[0] == reading.torque and sensed[1] == reading.power
+            assert np.array_equal(sensed[2], reading.states[law])
+            slipped += reading.slips.sum()
+    assert slipped
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('value="power"', 'value="heat"', "reads must be torque, power or states; 'heat' given"),
+        ('key="size" value="8"', 'key="size" value="7"', "'shaft_friction_states'.* has 8 states, size is 7"),
+        ('key="size" value="8"', 'key="size" value="many"', "size must be the number of states; 'many' given"),
+        ('objtype="joint" objname="shaft"', 'objtype="body" objname="rotor"', "objtype must be joint"),
+        ('objname="shaft"', 'objname="bare"', "joint 'bare' has no friction of gms_mujoco"),
+    ],
+)
+def test_a_bad_sensor_is_refused_when_it_is_compiled(old, new, message):
+    xml = AXIS.replace("</worldbody>", '<body><joint name="bare"/><geom size="1"/></body></worldbody>')
+    spec = engine.attach(xml, {"shaft": BEARING}, sensors=engine.READINGS)
+    spec.compile()
+    good = spec.to_xml()
+    assert old in good
+    with pytest.raises(ValueError, match=message):
+        mujoco.MjModel.from_xml_string(good.replace(old, new))
+
+
+def test_attach_knows_its_sensors():
+    with pytest.raises(ModelError, match="sensors are power, states, torque; 'heat' given"):
+        engine.attach(AXIS, {"shaft": BEARING}, sensors=["heat"])
 
 
 MIXED = """<mujoco><worldbody>

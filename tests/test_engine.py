@@ -265,6 +265,77 @@ def test_inverse_dynamics_knows_the_friction():
     assert data.qfrc_inverse[0] == pytest.approx(6e-3, rel=1e-9)
 
 
+def inverse_of(model, data, acceleration):
+    """Torque [N m] that mj_inverse asks for in a copy of the data, whose state no mj_forward has seen."""
+    copy = mujoco.MjData(model)
+    mujoco.mj_copyData(copy, model, data)
+    copy.qacc[:] = acceleration
+    mujoco.mj_inverse(model, copy)
+    return copy.qfrc_inverse.copy()
+
+
+@INTEGRATIONS
+def test_inverse_dynamics_of_a_state_that_no_forward_has_seen(integration):
+    """The friction is that of the acceleration asked for: what mj_forward finds for the torque that leads there."""
+    model, data = axis(integration=integration)
+    worst = 0.0
+    for u in stick_slip(1500):
+        data.ctrl[0] = u
+        mujoco.mj_step(model, data)
+        seen = mujoco.MjData(model)
+        mujoco.mj_copyData(seen, model, data)
+        seen.ctrl[0] = 1.05 * u
+        mujoco.mj_forward(model, seen)
+        worst = max(worst, abs(inverse_of(model, data, seen.qacc)[0] - 1.05 * u))
+    assert worst < 3e-3 * FS, "as closely as the implicit step is solved"
+
+
+def test_inverse_dynamics_of_static_friction():
+    """In motion its level; at rest no acceleration tells the torque: the last that held stays, within the level."""
+    model, data = axis(DRY)
+    data.ctrl[0] = 3e-3
+    mujoco.mj_step(model, data, 10)
+    assert inverse_of(model, data, 0.0)[0] == pytest.approx(3e-3, rel=1e-9)
+    assert inverse_of(model, data, 50.0)[0] == pytest.approx(J * 50 + 4e-3, rel=1e-9)
+    assert inverse_of(model, data, -50.0)[0] == pytest.approx(-J * 50 - 4e-3, rel=1e-9)
+
+
+def test_inverse_dynamics_of_stiff_coupled_joints(arm_plant):
+    model = engine.attach(MODELS / "arm.xml", {"*": arm_plant}, "implicit").compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.3, 0.8, 0.2, 0.9, 0.1, 0.5, 0.2]
+    for k in range(100):
+        data.ctrl[:] = 8 * np.sin(0.1 * k + np.arange(7))
+        mujoco.mj_step(model, data)
+        seen = mujoco.MjData(model)
+        mujoco.mj_copyData(seen, model, data)
+        mujoco.mj_forward(model, seen)
+        needed = inverse_of(model, data, seen.qacc)
+        assert np.abs(needed - data.ctrl).max() < 0.02 * 5.0
+
+
+@INTEGRATIONS
+def test_transition_derivatives_are_those_of_the_step(integration):
+    """mjd_transitionFD against differences of steps from the saved state, in pre-sliding and while turning."""
+    for load in (1e-3, 8e-3):
+        model, data = axis(integration=integration)
+        run(model, data, np.full(60, load))
+        A, B = np.empty((2, 2)), np.empty((2, 1))
+        mujoco.mjd_transitionFD(model, data, 1e-6, True, A, B, None, None)
+
+        def end(dq, dv, du, data=data, model=model, load=load):
+            copy = mujoco.MjData(model)
+            mujoco.mj_copyData(copy, model, data)
+            copy.qpos[0] += dq
+            copy.qvel[0] += dv
+            copy.ctrl[0] = load + du
+            mujoco.mj_step(model, copy)
+            return np.array([copy.qpos[0], copy.qvel[0]])
+
+        columns = [(end(*e) - end(*-e)) / 2e-6 for e in 1e-6 * np.eye(3)]
+        assert np.allclose(np.column_stack([A, B]), np.transpose(columns), rtol=1e-4, atol=1e-6 * np.abs(B).max())
+
+
 def test_sleeping_joints_gather_no_torque():
     xml = AXIS.replace("<option ", '<option sleep_tolerance="0.01" ').replace(
         "/>\n<worldbody>", '><flag sleep="enable"/></option>\n<worldbody>', 1

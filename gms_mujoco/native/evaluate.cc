@@ -13,11 +13,11 @@ constexpr double kStill = 1e-9;  // of what a joint would move under the whole j
 
 // Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
 // rounding error each time; another passive force that came in between is kept.
-void apply(const Unit& x, mjData* d, double f) {
-  double *book = x.book(d), *total = d->qfrc_passive + x.dof;
-  if (*total != book[kSum]) book[kBase] += *total - book[kSum];
-  book[kTorque] = f;
-  *total = book[kSum] = book[kBase] + f;
+void apply(Unit* x, mjData* d, double f) {
+  double* total = d->qfrc_passive + x->dof;
+  if (*total != x->sum) x->base += *total - x->sum;
+  x->book(d)[kTorque] = f;
+  *total = x->sum = x->base + f;
 }
 
 // Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
@@ -124,13 +124,13 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
       if (!x.late() || x.asleep(d)) continue;
       double *state = x.state(d), *book = state + x.n_state;
       if (!x.implicit) {
-        apply(x, d, x.joint->torque(x.now(d, actuator), state, nullptr));
+        apply(&x, d, x.joint->torque(x.now(d, actuator), state, nullptr));
         continue;
       }
       if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
-      if (d->qfrc_passive[x.dof] != book[kSum]) {  // another has added to it since we wrote
-        book[kBase] += d->qfrc_passive[x.dof] - book[kSum];
-        book[kSum] = d->qfrc_passive[x.dof];
+      if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote
+        x.base += d->qfrc_passive[x.dof] - x.sum;
+        x.sum = d->qfrc_passive[x.dof];
       }
       g->active[n] = &x;
       auto& u = g->implicit.units[n++];
@@ -150,7 +150,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
   for (int i = 0; i < n; i++) {
     const Unit* x = g->active[i];
-    tau[x->dof] = x->book(d)[kBase] - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
+    tau[x->dof] = x->base - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
   }
   add_wrenches(m, d, tau);
   // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
@@ -160,7 +160,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, m->opt.timestep);
   for (int i = 0; i < n; i++) {
     const auto& u = g->implicit.units[i];
-    apply(*g->active[i], d, u.torque);
+    apply(g->active[i], d, u.torque);
     g->active[i]->book(d)[kNextSlope] = u.slope;
   }
 }
@@ -184,8 +184,8 @@ void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) 
       f = look(m, d, x, state, book);
     }
     book[kTorque] = f;
-    book[kBase] = *total;
-    *total = book[kSum] = book[kBase] + f;
+    x.base = *total;
+    *total = x.sum = x.base + f;
   }
 }
 

@@ -30,17 +30,20 @@ struct Engine {
 extern Engine engine;
 extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 
-// After the joint's own state, in plugin_state: the torque that qfrc_passive contains now; whether the joint has
-// not moved since the reset; what qfrc_passive was without us; what we wrote there; where the next evaluation
-// starts from: the torque that the last advance found, the velocity it found it at, the acceleration that had led
-// there, and the slope of the law in the last implicit step (below 0: not known); the slope in this step.
-enum { kTorque = 0, kFresh, kBase, kSum, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kBookkeeping };
+// After the joint's own state, in plugin_state: the torque on the joint now; whether it has not moved since the reset;
+// where the next evaluation starts from: the torque that the last advance found, the velocity it found it at, the
+// acceleration that had led there, and the slope of the law in the last implicit step (below 0: not known); the slope in
+// this step.
+enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kBookkeeping };
 
 struct Unit {  // one joint
   const Joint* joint = nullptr;
   int dof = -1, qpos = -1, tree = -1, state_start = -1, n_state = 0, integration = 0;
   bool implicit = false, reads_load = false;
   double timestep = -1, weight = -1, slope = 0;  // for which `implicit` was chosen
+  // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
+  // put that back, and qfrc_passive stays.
+  double base = 0, sum = 0;
 
   double* state(mjData* d) const { return d->plugin_state + state_start; }
   double* book(mjData* d) const { return state(d) + n_state; }

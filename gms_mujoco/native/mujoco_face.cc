@@ -18,6 +18,7 @@
 
 #include "evaluate.h"
 #include "instance.h"
+#include "sensor.h"
 
 #if defined(_WIN32)
 #define GMS_API extern "C" __declspec(dllexport)
@@ -123,6 +124,16 @@ void destroy(mjData* d, int id) {
   all.erase(std::remove(all.begin(), all.end(), &h->instance), all.end());
   delete h;
   d->plugin_data[id] = 0;
+}
+
+void copy(mjData* to, const mjModel*, const mjData* from, int id) {
+  if (!handle(to, id) || !handle(from, id)) return;
+  const auto& source = handle(from, id)->instance.units;
+  auto& units = handle(to, id)->instance.units;
+  for (size_t i = 0; i < units.size() && i < source.size(); i++) {
+    units[i].base = source[i].base;
+    units[i].sum = source[i].sum;
+  }
 }
 
 // MuJoCo hands over the state alone, and may do so before init.
@@ -231,10 +242,12 @@ GMS_API int gms_engine_init(void* const* table, char* error, int size) {
   plugin.nstate = nstate;
   plugin.init = init;
   plugin.destroy = destroy;
+  plugin.copy = copy;
   plugin.reset = reset;
   plugin.compute = compute;
   plugin.advance = advance;
   gms::plugin_slot = engine.mjp_registerPlugin(&plugin);
+  gms::register_sensor();
   return 0;
 }
 
