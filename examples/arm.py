@@ -36,7 +36,7 @@ class Hidden:
     Attributes:
         plant: effects of this package on the joint.
         edit: a change of the model.
-        torque: added to the joint, of position [N m].
+        torque: added to the joint, of the state and the number of the joint [N m].
         late: samples by which commands arrive late.
         alone: the other joints are held while this one moves.
     """
@@ -44,7 +44,7 @@ class Hidden:
     name: str
     plant: tuple[gms.Effect, ...] = ()
     edit: Callable[[mujoco.MjSpec], None] | None = None
-    torque: Callable[[float], float] | None = None
+    torque: Callable[[mujoco.MjData, int], float] | None = None
     late: int = 0
     alone: bool = False
 
@@ -58,12 +58,18 @@ def _stiffen(spec: mujoco.MjSpec) -> None:
     spec.joint("upper_arm_roll").stiffness = 4.0
 
 
+def _grow_with_load(data: mujoco.MjData, k: int) -> float:
+    """Friction greater by 1 % for each N m that the joint transmits: all of its torque, friction included."""
+    transmitted = data.qfrc_actuator[k] + data.qfrc_passive[k] + data.qfrc_applied[k]
+    return float(0.01 * abs(transmitted) * (data.qfrc_passive[k] - data.qfrc_damper[k]))
+
+
 HIDDEN = {
-    "shoulder_pan": Hidden("cogging", torque=lambda q: 0.8 * np.sin(24 * q + 0.5)),
-    "shoulder_lift": Hidden("load_dependent_friction", (effects.find("load_dependent_friction")(coefficient=0.01),)),
+    "shoulder_pan": Hidden("cogging", torque=lambda data, k: 0.8 * np.sin(24 * data.qpos[k] + 0.5)),
+    "shoulder_lift": Hidden("load_dependent_friction", torque=_grow_with_load),
     "upper_arm_roll": Hidden("spring", edit=_stiffen),
     "elbow": Hidden("asymmetric_friction", (effects.find("asymmetric_friction")(level=0.15),)),
-    "forearm_roll": Hidden("torque_offset", torque=lambda q: 0.25),
+    "forearm_roll": Hidden("torque_offset", torque=lambda data, k: 0.25),
     "wrist_flex": Hidden("gravity", edit=_payload, alone=True),
     "wrist_roll": Hidden("delay", late=3),
 }
@@ -111,7 +117,9 @@ def measure(joint: str, hidden: Hidden, seed: int, duration: float) -> tuple[np.
     model = spec.compile()
     data, k = mujoco.MjData(model), names.index(joint)
     target, speed = references(rng, len(names), [k] if hidden.alone else list(range(len(names))), duration)
-    start = rng.uniform(-0.4, 0.4, len(names)) + np.array([0, 0.5, 0, 0.8, 0, 0.5, 0])
+    start = np.array([0, 0.5, 0, 0.8, 0, 0.5, 0])
+    if not hidden.alone:  # gravity is one sine of the position only while the others stand where they stood
+        start += rng.uniform(-0.4, 0.4, len(names))
     data.qpos = start
     inertia = np.array([max(model.dof_armature[i], 0.1) for i in range(model.nv)])
     command = np.zeros((len(target) + hidden.late, model.nu))
@@ -127,7 +135,7 @@ def measure(joint: str, hidden: Hidden, seed: int, duration: float) -> tuple[np.
         data.ctrl[k] = command[i, k]
         for _ in range(STEPS):
             if hidden.torque:
-                data.qfrc_applied[k] = hidden.torque(float(data.qpos[k]))
+                data.qfrc_applied[k] = hidden.torque(data, k)
             mujoco.mj_step(model, data)
     return np.arange(len(target)) * SAMPLE, torque, position
 

@@ -117,6 +117,9 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             notes += [f"{record.name}: {note}"] if note else []
         if entries and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
+        if axis.in_amperes:
+            unit = "N m" if axis.joint.kind == "hinge" else "N"
+            notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
         if axis.robot and records:
             records, note = axis.robot.on(records, others)
             notes.append(note)
@@ -197,7 +200,8 @@ def _record(
             )  # fmt: skip
         if "current" in signals:
             if axis.torque_constant is None:
-                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed")
+                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
+                                'or torque_constant = "unknown" to stay in A')
             signals["torque"] = axis.torque_constant * signals.pop("current")
         columns.check(table, signals)
         time, signals, note = timing.evenly(signals.pop("time"), signals)

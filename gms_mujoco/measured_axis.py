@@ -30,7 +30,8 @@ class Axis:
         names: of all joints that the measurements are of.
         robot: None for a bare axis.
         inertia: [kg m^2] or [kg]; None: to be identified.
-        torque_constant: [N m/A], None where not given.
+        torque_constant: [N m/A], None where not given; 1 where it is unknown.
+        in_amperes: the torque constant is unknown: torque stays in A.
 
     Raises:
         DataError: a key that does not exist, or that cannot be what it is given as.
@@ -59,6 +60,13 @@ class Axis:
         else:
             self.inertia = _positive(table, "inertia", "kg m^2" if kind == "hinge" else "kg")
         own = columns.of_joint({k: v for k, v in table.items() if k == "torque_constant"}, "axis", self.joint)[0]
+        self.in_amperes = own.get("torque_constant") == "unknown"
+        if self.in_amperes:
+            for key in ("model", "inertia"):
+                if key in table:
+                    raise DataError(f'axis.torque_constant = "unknown" leaves torque in A, which axis.{key} cannot be '
+                                    "compared with; leave one of them out")
+            own["torque_constant"] = 1.0
         self.torque_constant = number(own, "torque_constant", "axis.", "N m/A" if kind == "hinge" else "N/A")
 
     def _robot(self, table: Mapping[str, Any], folder: Path, joint: str | None) -> Robot | None:

@@ -60,15 +60,24 @@ def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
 
 
 def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
-    """Lower and upper limit of parameters of `gms` beyond which these observations do not change, by label.
+    """Lower and upper limit of parameters beyond which these observations say nothing about them, by label.
 
-    Out there a fit would find no way back: an element that is too soft never slips and is a spring; a level that is
-    followed faster than the samples come, or that weakens beyond the fastest speed, might as well be anything. A
-    value that the plant has already is inside.
+    A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
+    a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. Of `gms`, a
+    fit would find no way back from an element that is too soft, never slips and is a spring, or from a level that is
+    followed faster than the samples come, or that weakens beyond the fastest speed. A value that the plant has
+    already is inside.
     """
-    if "gms" not in plant or plant["gms"].unset:
-        return {}
-    gms = plant["gms"]
+    limits: dict[str, tuple[float, float, float]] = {}
+    if "torque_saturation" in plant and not plant["torque_saturation"].unset:
+        middle = float(np.median(np.abs(np.concatenate([o.record.torque for o in observations]))))
+        limits["torque_saturation.limit"] = (middle, np.inf, plant["torque_saturation"].limit)
+    if "gms" in plant and not plant["gms"].unset:
+        limits |= _visible_gms(plant["gms"], observations)
+    return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
+
+
+def _visible_gms(gms: Effect, observations: Sequence[Observation]) -> dict[str, tuple[float, float, float]]:
     stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
     total = float(level.sum())
     longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
@@ -81,7 +90,7 @@ def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[st
     limits = {n: (softest, np.inf, k) for n, k in zip(names, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, gms.attraction)
     limits["gms.stribeck_velocity"] = (slowest, fastest, gms.stribeck_velocity)
-    return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
+    return limits
 
 
 def _typical(effect: Effect, scales: Scales) -> Effect:

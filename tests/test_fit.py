@@ -16,7 +16,7 @@ from gms_mujoco.inverse import Observation
 from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine
+from gms_mujoco.simulate import multisine, simulate
 
 DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)
 
@@ -224,3 +224,13 @@ def test_the_covariance_is_symmetric_and_positive(fitted: FitResult) -> None:
     c = covariance(fitted.misfit, fitted.vector)
     np.testing.assert_allclose(c, c.T, rtol=1e-6, atol=1e-12 * np.abs(c).max())
     assert np.all(np.diag(c) >= 0)
+
+
+def test_a_saturation_does_not_hide_all_that_a_drive_was_asked_for() -> None:
+    """With an inertia to be identified, a torque cut off to nothing would leave no error at all."""
+    rng = np.random.default_rng(0)
+    truth = Plant.axis(2.4e-5) + effects.find("coulomb")(coulomb=4e-3) + effects.find("gravity")(amplitude=0.2)
+    record = simulate(truth, multisine(3000, 1e-3, 0.5, 20.0, 0.1, rng), 1e-3)
+    blind = Plant.axis() + effects.find("coulomb")(coulomb=4e-3) + effects.find("torque_saturation")(limit=0.1)
+    found = fit(blind, [record]).plant
+    assert found["torque_saturation"].limit >= 0.99 * np.median(np.abs(record.torque))

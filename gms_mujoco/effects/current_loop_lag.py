@@ -30,7 +30,7 @@ class CurrentLoopLag(Effect):
     )
     signature = "The torque error is large where the command changes fast, and decays within a few T of each step."
     experiment = "Steps of torque, and excitation up to high frequency: phase and gain of torque to acceleration fall."
-    parameters = (Parameter("time", "s", 0.0, lower=0.0, upper=1.0, doc="T, time constant"),)
+    parameters = (Parameter("time", "s", 0.0, lower=0.0, upper=0.05, doc="T, time constant"),)
 
     def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean torque over each sample; before the first the command is taken to have been the first one."""
