@@ -71,7 +71,7 @@ def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[st
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:
         middle = float(np.median(np.abs(np.concatenate([o.record.torque for o in observations]))))
-        limits["torque_saturation.limit"] = (middle, np.inf, plant["torque_saturation"].limit)
+        limits["torque_saturation.limit"] = (middle, np.inf, float(np.asarray(plant["torque_saturation"].limit)))
     if "gms" in plant and not plant["gms"].unset:
         limits |= _visible_gms(plant["gms"], observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
@@ -87,9 +87,9 @@ def _visible_gms(gms: Effect, observations: Sequence[Observation]) -> dict[str, 
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
-    limits = {n: (softest, np.inf, k) for n, k in zip(names, stiffness, strict=True)}
-    limits["gms.attraction"] = (0.1 * total / duration, total / step, gms.attraction)
-    limits["gms.stribeck_velocity"] = (slowest, fastest, gms.stribeck_velocity)
+    limits = {n: (softest, np.inf, float(k)) for n, k in zip(names, stiffness, strict=True)}
+    limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
+    limits["gms.stribeck_velocity"] = (slowest, fastest, float(np.asarray(gms.stribeck_velocity)))
     return limits
 
 
