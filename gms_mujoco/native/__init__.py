@@ -75,6 +75,7 @@ def _load() -> ctypes.CDLL:
         ("gms_joint_n_state", integer, (pointer,)),
         ("gms_joint_n_memory", integer, (pointer,)),
         ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
+        ("gms_joint_cycle", integer, (pointer, integer, integer) + (pointer,) * 4),
         (
             "gms_joint_simulate",
             integer,
@@ -238,6 +239,24 @@ class Joint:
             self._handle, n, *map(_address, inputs), _address(torque), _address(shares), _address(history)
         )
         return Replay(torque, shares, history)
+
+    def cycle(self, period: Array, position: Array, velocity: Array) -> Array:
+        """Torque along periodic motions, in the steady state [N m].
+
+        The axis is warm, carries no load, and everything that fades has faded; a body behind a coupling swings as it
+        does after a long time.
+
+        Args:
+            period: (c,) of each motion [s].
+            position, velocity: (c, n) at n equal steps of one period [rad], [rad/s].
+
+        Returns:
+            (c, n).
+        """
+        inputs = [np.ascontiguousarray(a, float) for a in (period, position, velocity)]
+        torque = np.empty(inputs[1].shape)
+        library.gms_joint_cycle(self._handle, *torque.shape, *map(_address, inputs), _address(torque))
+        return torque
 
     def simulate(
         self,

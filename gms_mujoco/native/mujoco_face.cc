@@ -16,15 +16,10 @@
 #include <string>
 #include <vector>
 
+#include "api.h"
 #include "evaluate.h"
 #include "instance.h"
 #include "sensor.h"
-
-#if defined(_WIN32)
-#define GMS_API extern "C" __declspec(dllexport)
-#else
-#define GMS_API extern "C" __attribute__((visibility("default")))
-#endif
 
 GMS_API void gms_control(const mjModel* m, mjData* d);
 

@@ -2,15 +2,10 @@
 #include <algorithm>
 #include <vector>
 
+#include "api.h"
 #include "effect.h"
 #include "implicit.h"
 #include "joint.h"
-
-#if defined(_WIN32)
-#define GMS_API extern "C" __declspec(dllexport)
-#else
-#define GMS_API extern "C" __attribute__((visibility("default")))
-#endif
 
 using gms::Joint;
 
