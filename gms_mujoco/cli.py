@@ -187,7 +187,7 @@ def _compare(options: argparse.Namespace) -> None:
     plant = Plant.load(options.model).complete()
     runs = _load(options)
     _expect_kind(plant, runs, options.model)
-    scores = compare(plant, runs.records)
+    scores = compare(plant, (*runs.records, *runs.frfs))
     by_use = _by_use(scores)
     if output:
         files.write_text(output, as_json({**scores.to_dict(), "by_use": by_use}))
@@ -226,7 +226,7 @@ def _frf(options: argparse.Namespace) -> None:
     for key in ("period", "segment"):
         if getattr(options, key) is not None and not 0 < getattr(options, key) < math.inf:
             raise DataError(f"--{key} must be a positive number of seconds; {getattr(options, key):g} given")
-    runs = _load(options, records=False)
+    runs = _load(options)
     found = list(runs.frfs)
     for record in runs.records:
         try:
@@ -307,10 +307,8 @@ def _view(options: argparse.Namespace) -> None:
 # What the commands share.
 
 
-def _load(options: argparse.Namespace, records: bool = True) -> Dataset:
+def _load(options: argparse.Namespace) -> Dataset:
     runs = load(options.dataset, options.joint)
-    if records and not runs.records:
-        raise DataError(f"{options.dataset}: only frequency responses, no [[record]]; {PROGRAM} frf reads them")
     for line in (runs.split, *runs.notes):
         print(line, file=sys.stderr)
     return runs
@@ -336,12 +334,12 @@ def _chosen(baseline: Plant, names: str) -> Plant:
 
 
 def _by_use(scores: Comparison) -> dict[str, dict[str, float]]:
-    """Errors pooled over the records of each use."""
+    """Errors pooled over the records and responses of each use."""
     from .fit import relative_error
 
     found = {}
     for use in USES:
-        rows = [r for r in scores.records if r.use == use]
+        rows = [r for r in scores.rows if r.use == use]
         if rows:
             measured = [r.measured for r in rows]
             found[use] = {

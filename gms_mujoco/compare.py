@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .compare_frf import FrfComparison, compare_frf, table
 from .coordinates import all_labels
-from .fit import observe, relative_error
+from .fit import relative_error
+from .frf import FRF
+from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
-from .noise import Noise, estimate_noise, inertia_along, refine_noise, sampling_residual, sensor_residual
+from .noise import Noise, inertia_along, noise_of, sampling_residual, sensor_residual
+from .observe import observe
 from .plant import Plant
 from .record import Record
 from .residual_maps import Regime, ResidualMap
@@ -75,6 +79,7 @@ class Comparison:
     Attributes:
         plant: what was compared.
         records: one comparison per record.
+        frfs: one per frequency response.
         torque_error, simulation_error, noise_floor: as for one record, pooled.
         bandwidth: up to which torques are compared [Hz].
     """
@@ -85,6 +90,12 @@ class Comparison:
     simulation_error: float
     noise_floor: float
     bandwidth: float
+    frfs: tuple[FrfComparison, ...] = ()
+
+    @property
+    def rows(self) -> tuple[RecordComparison | FrfComparison, ...]:
+        """All comparisons, records first."""
+        return (*self.records, *self.frfs)
 
     @cached_property
     def _residuals(self) -> Residuals:
@@ -93,17 +104,17 @@ class Comparison:
     @cached_property
     def views(self) -> tuple[ResidualMap, ...]:
         """The residual over time, position, velocity, reversals, frequency ..., each with its noise band."""
-        return self._residuals.views()
+        return self._residuals.views() if self.records else ()
 
     @cached_property
     def regimes(self) -> tuple[Regime, ...]:
         """The error in pre-sliding, after reversals and in sliding."""
-        return self._residuals.regimes()
+        return self._residuals.regimes() if self.records else ()
 
     @cached_property
     def where(self) -> str:
         """Where the residual leaves its noise band most, in one or two lines."""
-        return self._residuals.where(self.views, self.regimes)
+        return self._residuals.where(self.views, self.regimes) if self.records else ""
 
     @cached_property
     def after_reversal(self) -> tuple[Array, Array, Array] | None:
@@ -136,11 +147,18 @@ class Comparison:
             "where": self.where,
             "regimes": [g.to_dict() for g in self.regimes],
             "views": [m.to_dict() for m in self.views],
+            "frfs": [r.to_dict() for r in self.frfs],
         }
 
     def __str__(self) -> str:
+        shown = [table(self.frfs)] if self.frfs else []
+        if not self.records:
+            pooled = (self.torque_error, self.noise_floor, self.simulation_error)
+            return "\n".join([*shown, "pooled: torque {:.2f}, floor {:.2f}, simulation {:.2f} %".format(
+                *(100 * e for e in pooled))])
         width = max([len(r.name) for r in self.records] + [6])
         lines = [
+            *shown,
             f"torque up to {self.bandwidth:.0f} Hz, simulation over {1000 * WINDOW:.0f} ms windows; errors in % of rms",
             f"{'record':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}",
         ]
@@ -153,7 +171,7 @@ class Comparison:
         return "\n".join([*lines, self.where])
 
 
-def compare(plant: Plant, records: Sequence[Record], *, bandwidth: float | None = None) -> Comparison:
+def compare(plant: Plant, data: Sequence[Record | FRF], *, bandwidth: float | None = None) -> Comparison:
     """Measured torque against the torque that the plant needs along the measured motion, and forward simulation.
 
     Only the unknown state of the effects before the first sample is estimated on the records; the plant stays as
@@ -161,44 +179,50 @@ def compare(plant: Plant, records: Sequence[Record], *, bandwidth: float | None 
 
     Args:
         plant: every parameter set.
-        records: SI units.
-        bandwidth: [Hz]; None: that of the plant's fit, or chosen from the noise of the records.
+        data: records and frequency responses, SI units.
+        bandwidth: of records [Hz]; None: that of the plant's fit, or chosen from the noise of the records.
 
     Raises:
         ModelError: a parameter has no value.
-        DataError: no records.
+        DataError: there is nothing to compare with.
     """
     plant.complete()
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
-    return compare_observations(plant, observe(records, plant.inertia, bandwidth))
+    return compare_observations(plant, observe(data, plant.inertia, bandwidth, plant))
 
 
-def compare_observations(plant: Plant, observations: Sequence[Observation], noise: Noise | None = None) -> Comparison:
+def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Noise | None = None) -> Comparison:
     """`compare` on records that are already seen through a band."""
     assert plant.inertia is not None
-    memories = [_memory(plant, o) for o in observations]
+    frfs = [o for o in observations if isinstance(o, FrfObservation)]
+    records = [o for o in observations if isinstance(o, Observation)]
+    memories = [_memory(plant, o) for o in records]
     if noise is None:  # as a fit of this plant would estimate it
-        left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(observations, memories, strict=True)]
-        noise = refine_noise(estimate_noise([o.record for o in observations], plant.inertia), observations, left)
+        left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(records, memories, strict=True)]
+        noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
-    rows = [_compare_one(plant, o, m, noise, rng) for o, m in zip(observations, memories, strict=True)]
+    judged = tuple(_compare_one(plant, o, m, noise, rng) for o, m in zip(records, memories, strict=True))
+    responses = tuple(compare_frf(plant, o, rng) for o in frfs)
+    rows: tuple[RecordComparison | FrfComparison, ...] = (*judged, *responses)
     measured = [r.measured for r in rows]
     return Comparison(
         plant,
-        tuple(rows),
+        judged,
         relative_error([r.residual for r in rows], measured),
         float(np.sqrt(np.mean([r.simulation_error**2 for r in rows]))),
         relative_error([r.floor for r in rows], measured),
-        observations[0].bandwidth,
+        max(o.bandwidth for o in observations),
+        responses,
     )
 
 
-def quick_torque_error(plant: Plant, observations: Sequence[Observation], near: Comparison) -> float:
+def quick_torque_error(plant: Plant, observations: Sequence[Seen], near: Comparison) -> float:
     """Pooled torque error of a plant close to one that was compared, with that one's states before the records."""
     skew = float(plant.provenance.get("clock_skew", 0.0))
     applied = [o.applied(plant, skew) for o in observations]
     extra = plant.joint().n_memory - near.plant.joint().n_memory
     memories = [np.append([] if r.memory is None else r.memory, np.zeros(max(extra, 0))) for r in near.records]
+    memories += [np.empty(0)] * len(near.frfs)
     needed = [o.needed(plant, m if len(m) else None) for o, m in zip(observations, memories, strict=True)]
     return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
 

@@ -31,8 +31,10 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from . import effects
+from .effect import Effect
 from .errors import DataError
 from .frf import FRF
+from .harmonics import balance, fundamental, motion
 from .plant import Plant, slide_unit
 
 Array = NDArray[np.float64]
@@ -42,8 +44,6 @@ _GRID = 60  # break-away distances tried
 _FINEST = 0.3  # of the smallest amplitude: the smallest break-away distance tried
 _MODEL_ERROR = 0.002  # of a describing function, beside that of its correction for harmonics
 _CORRECTION_ERROR = 0.1  # of that correction
-_HARMONICS = np.arange(3, 22, 2)
-_SAMPLES = 128  # of a period, in harmonic balance
 _MASS_LINE = 4.0  # times the resonance: where the mass line begins
 _ROUNDS = 4  # of reweighting
 _CORRECTIONS = 8  # times that the harmonics are computed anew
@@ -346,35 +346,20 @@ def harmonic_part(
         (n,) addition to 1 / H [N m/rad], and (n,) whether the balance was found; it may not be where a harmonic meets
         the resonance, far below it.
     """
-    angle = 2 * math.pi * np.arange(_SAMPLES) / _SAMPLES
-    waves = np.exp(1j * np.outer(_HARMONICS, angle))
-    rigid = -inertia * np.outer(omega, _HARMONICS) ** 2 + 1j * viscous * np.outer(omega, _HARMONICS)
-    motion = amplitude[:, None] * np.cos(angle)
-    alone = _steady(stiffness, breakaway, motion)
-    first = alone[:, 1] / amplitude
-    spring = np.abs(first.real)[:, None]  # preconditions the iteration
-    extra = np.zeros(rigid.shape, complex)
-    force = alone
-    for _ in range(25):
-        wanted = (spring * extra - force[:, _HARMONICS]) / (spring + rigid)
-        extra = extra + 0.5 * (wanted - extra)
-        force = _steady(stiffness, breakaway, motion + (extra @ waves).real)
-    left = np.abs(force[:, _HARMONICS] + rigid * extra).max(1)
-    return force[:, 1] / amplitude - first, left < 0.02 * np.abs(force[:, 1])
+    plant = Plant(inertia, (_maxwell_slip(stiffness, breakaway), effects.find("viscous")(coefficient=viscous)))
+    joint = plant.joint()
+    found = balance(joint, inertia, amplitude, omega)
+    alone = fundamental(joint.cycle(2 * math.pi / omega, *motion(amplitude, omega)))
+    return np.asarray((alone - found.first) / amplitude, complex), found.good
 
 
-def _steady(stiffness: Array, breakaway: Array, motion: Array) -> Complex:
-    """(n, harmonics) amplitudes of the torque of a Maxwell-slip set in periodic motion (n, samples)."""
-    stretch = np.zeros((len(motion), len(breakaway)))
-    step = np.diff(motion, axis=1, prepend=motion[:, -1:])
-    total = np.empty(motion.shape)
-    for turn in range(2):  # after one period the past is forgotten
-        for j in range(motion.shape[1]):
-            stretch += step[:, j, None]
-            np.clip(stretch, -breakaway, breakaway, out=stretch)
-            if turn:
-                total[:, j] = stretch @ stiffness
-    return np.asarray(np.fft.rfft(total, axis=1) * (2 / motion.shape[1]))
+def _maxwell_slip(stiffness: Array, breakaway: Array) -> Effect:
+    """GMS friction whose level is the same at all velocities."""
+    level = float(stiffness @ breakaway)
+    return effects.find("gms")(
+        stiffness=stiffness, fraction=stiffness * breakaway / level, coulomb=level, static=level,
+        stribeck_velocity=1.0, attraction=level,
+    )  # fmt: skip
 
 
 def _phi(r: Array) -> Array:
@@ -411,16 +396,13 @@ def _reading(
     breakaway, stiffness = _merged(grid[:-1], weight[:-1])
     low, high = float(size.min()), float(size.max())
     x, k = _with_stuck(grid, weight, high)
-    if not len(k) or not (level := float(k @ x)) > 0:
+    if not len(k) or not float(k @ x) > 0:
         raise DataError("the responses show no friction; is the amplitude right?")
-    gms = effects.find("gms")(
-        stiffness=k, fraction=k * x / level, coulomb=level, static=level, stribeck_velocity=1.0, attraction=level
-    )
-    plant = Plant(inertia, (gms,), kind, known)
+    plant = Plant(inertia, (_maxwell_slip(k, x),), kind, known)
     if viscous > 0:
         plant += effects.find("viscous")(coefficient=viscous)
     said = [
-        f"{len(k)} elements, stiffness {k.sum():.4g} N m/rad, level {level:.4g} N m; "
+        f"{len(k)} elements, stiffness {k.sum():.4g} N m/rad, level {k @ x:.4g} N m; "
         f"inertia {inertia:.4g} kg m^2 ({'given' if known else 'identified'}); misfit {100 * error:.2f} %",
         f"amplitudes {low:.3g} to {high:.3g} rad",
     ]

@@ -23,6 +23,7 @@ from .record import USES, Record
 Array = NDArray[np.float64]
 
 FILE = "dataset.toml"
+_FEWEST_POINTS = 5  # of a response that validates
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
     "record": ("file", "use", "joint", "columns", "units", "scale"),
@@ -57,19 +58,23 @@ class Dataset:
     joint: str | None = None
 
     @property
-    def fit(self) -> tuple[Record, ...]:
-        """Records that identify parameters."""
-        return tuple(r for r in self.records if r.use == "fit")
+    def fit(self) -> tuple[Record | FRF, ...]:
+        """Records and frequency responses that identify parameters."""
+        return self._used("fit")
 
     @property
-    def select(self) -> tuple[Record, ...]:
-        """Records that choose between models; empty where none was set apart."""
-        return tuple(r for r in self.records if r.use == "select")
+    def select(self) -> tuple[Record | FRF, ...]:
+        """Those that choose between models; empty where none was set apart."""
+        return self._used("select")
 
     @property
-    def validate(self) -> tuple[Record, ...]:
-        """Records that are scored once, after every choice."""
-        return tuple(r for r in self.records if r.use == "validate")
+    def validate(self) -> tuple[Record | FRF, ...]:
+        """Those that are scored once, after every choice."""
+        return self._used("validate")
+
+    def _used(self, use: str) -> tuple[Record | FRF, ...]:
+        found: tuple[Record | FRF, ...] = (*self.records, *self.frfs)
+        return tuple(x for x in found if x.use == use)
 
 
 def joints(path: str | Path) -> tuple[str, ...]:
@@ -125,7 +130,10 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             notes.append(note)
         records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
         if frfs:
-            split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}")))
+            given = any(e.get("use") for e in _list(table, "frf"))
+            frfs, said = (frfs, "as given") if given else _split_frfs(frfs)
+            counts = ", ".join(f"{n} to {use}" for use in USES if (n := sum(f.use == use for f in frfs)))
+            split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}, {counts} ({said})")))
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
     return Dataset(
@@ -237,6 +245,20 @@ def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
         raise DataError('no record has use = "fit"; nothing could be identified')
     counts = [f"{n} to {use}" for use in USES if (n := sum(r.use == use for r in records))]
     return records, f"records: {', '.join(counts)} ({given})"
+
+
+def _split_frfs(frfs: tuple[FRF, ...]) -> tuple[tuple[FRF, ...], str]:
+    """Responses with their use, and the sentence that tells it.
+
+    Of levels of excitation the inner ones can validate: what lies beyond the outer ones is not in the others.
+    """
+    levels = [f.amplitude is not None and len(f) >= _FEWEST_POINTS for f in frfs]
+    if len(frfs) < 3 or not all(levels):
+        return frfs, "no use was given, so all fit"
+    order = sorted(range(len(frfs)), key=lambda i: float(np.median(frfs[i].amplitude)))  # type: ignore[arg-type]
+    chosen = set(order[1:-1:3])
+    said = "no use was given: of the levels between the smallest and the largest every third validates, the others fit"
+    return tuple(replace(f, use="validate") if i in chosen else f for i, f in enumerate(frfs)), said
 
 
 def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:

@@ -15,11 +15,13 @@ from .compare import Comparison, compare_observations, quick_torque_error
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import FitResult, Progress, baseline, fit_observations, observe, refine, rough_fit
+from .fit import FitResult, Progress, baseline, fit_observations, refine, rough_fit
+from .frf_observation import Seen
 from .intervals import block_sums
 from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
+from .observe import observe
 from .plant import Plant
 from .remainder import describe
 from .screen import BLOCK, Candidate, Screen, applicable, cross_validated, is_present
@@ -125,7 +127,7 @@ class Diagnosis:
             "schema": 1,
             "verdict": self.verdict,
             "noise_floor": self.noise_floor,
-            "bandwidth_hz": self.steps[0].result.misfit.observations[0].bandwidth,
+            "bandwidth_hz": max(o.bandwidth for o in self.steps[0].result.misfit.observations),
             "steps": [_step_dict(s, self.plant) for s in self.steps],
             "candidates": [
                 {"effect": c.effect, "validate_error": c.validate_error, "p_value": c.p_value}
@@ -190,9 +192,8 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
     start = plant or baseline(runs.inertia, runs.kind)
     report(0.0, "looking at the records")
     seen = observe(runs.fit, start.inertia)
-    bandwidth = seen[0].bandwidth
+    bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
-    validate = observe(runs.validate, start.inertia, bandwidth) if runs.validate else []
 
     search = _Search(seen, select, start)
     search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
@@ -204,7 +205,9 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
     search.drop_idle()
 
     report(0.9, "scoring the validate records")
-    noise = search.steps[-1].result.noise
+    last = search.steps[-1].result
+    noise = last.noise
+    validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
                 evidence=_evidence(search.steps[i - 1], s) if i else "")
@@ -249,7 +252,7 @@ def _lowered(text: str) -> str:
 class _Search:
     """The state of the loop: the steps so far, and what the last round thought of every candidate."""
 
-    def __init__(self, seen: Sequence[Observation], select: Sequence[Observation], start: Plant) -> None:
+    def __init__(self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant) -> None:
         self.seen, self.select, self.start = list(seen), list(select), start
         self.steps: list[Step] = []
         self.rejected: list[tuple[str, float, Plant]] = []
@@ -403,7 +406,7 @@ def _error(result: FitResult) -> float:
     return result.error
 
 
-def _by_record(observations: Sequence[Observation], blocks: Array) -> list[Array]:
+def _by_record(observations: Sequence[Seen], blocks: Array) -> list[Array]:
     counts = [len(block_sums([o], np.ones((len(o.index), 1)), BLOCK)) for o in observations]
     return np.split(blocks, np.cumsum(counts)[:-1])
 

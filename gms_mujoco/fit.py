@@ -1,7 +1,8 @@
-"""fit: the parameters of a plant from records, by least squares on the torque along the measured motion."""
+"""fit: the parameters of a plant from measurements, by least squares on the torque along the measured motion."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .errors import DataError
+from .frf import FRF
+from .frf_observation import FrfObservation, Seen
 from .intervals import covariance
-from .inverse import Observation
 from .least_squares import nudge, solve
 from .misfit import Misfit
-from .noise import Noise, choose_bandwidth, estimate_noise, floor_residual, refine_noise
+from .noise import Noise, floor_residual, noise_of
+from .observe import observe
 from .plant import Plant
 from .record import Record
 from .starts import starts
@@ -22,6 +24,8 @@ from .version import __version__
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
+
+_ENOUGH = 160  # points of frequency responses, for a first look
 
 
 @dataclass(frozen=True)
@@ -46,20 +50,6 @@ class FitResult:
     noise: Noise
 
 
-def observe(
-    records: Sequence[Record], inertia: float | None = None, bandwidth: float | None = None
-) -> list[Observation]:
-    """The records seen through one band, chosen from their noise unless given [Hz].
-
-    Raises:
-        DataError: there is no record.
-    """
-    if not records:
-        raise DataError("no records to look at; a measurement set needs at least one with use = \"fit\"")
-    bandwidth = bandwidth or choose_bandwidth(records, inertia)
-    return [Observation(r, bandwidth) for r in records]
-
-
 def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:
     """Rms of the residuals over rms of the torques, records of equal weight."""
     above = np.mean([np.mean(r**2) for r in residuals])
@@ -74,7 +64,7 @@ def baseline(inertia: float | None = None, kind: str = "hinge", elements: int = 
 
 def fit(
     plant: Plant,
-    records: Sequence[Record],
+    data: Sequence[Record | FRF],
     *,
     fixed: Collection[str] = (),
     bandwidth: float | None = None,
@@ -83,30 +73,31 @@ def fit(
     """Identifies the free parameters of a plant.
 
     Least squares on the difference of applied torque and torque needed along the measured motion, over all
-    records together, in the band that the sensors allow. Parameters that have no value yet are started from the
+    records together, in the band that the sensors allow, and over every point of frequency responses, each weighed by
+    its uncertainty (`frf_observation`). Parameters that have no value yet are started from the
     data; the others start where they are.
 
     Args:
         plant: with or without values; a known inertia stays as it is.
-        records: the runs to fit, SI units.
+        data: runs and frequency responses to fit, SI units.
         fixed: names "effect.parameter" to leave as they are.
-        bandwidth: [Hz]; None: chosen from the noise of the records.
+        bandwidth: of the runs [Hz]; None: chosen from the noise of the records.
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: no records.
+        DataError: nothing to fit, or a response that cannot be used alone.
         ModelError: a parameter has no value and cannot be identified.
     """
     report = progress or (lambda done, message: None)
     report(0.0, "looking at the records")
-    observations = observe(records, plant.inertia, bandwidth)
+    observations = observe(data, plant.inertia, bandwidth)
     found = fit_observations(plant, observations, fixed, report)
     report(1.0, found.status)
     return found
 
 
 def fit_observations(
-    plant: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), progress: Progress | None = None
+    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), progress: Progress | None = None
 ) -> FitResult:
     """`fit` on records that are already seen through a band."""
     report = progress or (lambda done, message: None)
@@ -116,15 +107,16 @@ def fit_observations(
 
 
 def rough_fit(
-    plant: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), progress: Progress | None = None
+    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Misfit, Array]:
     """The best of several starts after a few steps each, with states before the records that are only guessed."""
     report = progress or (lambda done, message: None)
     best: tuple[float, Plant] | None = None
-    candidates = starts(plant, observations)
+    some = _fewer(observations)
+    candidates = starts(plant, some)
     for i, start in enumerate(candidates):
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
-        misfit = Misfit(start, observations, fixed, memory=False)
+        misfit = Misfit(start, some, fixed, memory=False)
         x = solve(misfit, misfit.vector(start), max_steps=10)
         cost = misfit.cost(x)
         if best is None or cost < best[0]:
@@ -132,6 +124,13 @@ def rough_fit(
     assert best is not None
     misfit = Misfit(best[1], observations, fixed)
     return misfit, nudge(misfit, misfit.vector(best[1]))
+
+
+def _fewer(observations: Sequence[Seen]) -> list[Seen]:
+    """Enough of the points of frequency responses to see where a fit leads."""
+    points = sum(len(o.frf) for o in observations if isinstance(o, FrfObservation))
+    every = math.ceil(points / _ENOUGH)
+    return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
@@ -147,19 +146,16 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     applied = [o.applied(plant) for o in observations]
     error = relative_error(np.split(residual, misfit.splits), applied)
     assert plant.inertia is not None
-    noise = refine_noise(
-        estimate_noise([o.record for o in observations], plant.inertia),
-        observations,
-        np.split(residual, misfit.splits),
-    )
+    noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
     rng = np.random.default_rng(0)
     floor = relative_error(
         [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)], applied
     )
     intervals = misfit.coordinates.intervals(x[:n], covariance(misfit, x)[:n, :n])
+    bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
-        "records": [o.record.name for o in observations],
-        "bandwidth": float(observations[0].bandwidth),
+        "records": [o.name for o in observations],
+        "bandwidth": bandwidth,
         "error": error,
         "noise_floor": floor,
         "clock_skew": misfit.skew(x),
@@ -167,7 +163,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     }
     plant = replace(plant, uncertainty=intervals, provenance=provenance)
     status = (
-        f"torque error {100 * error:.2f} % of the torque up to {observations[0].bandwidth:.0f} Hz, "
+        f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
         f"noise floor {100 * floor:.2f} %"
     )
     return FitResult(plant, error, floor, status, misfit, x, noise)

@@ -1,8 +1,8 @@
 """A frequency response as an observation: torque applied beside torque that a plant needs, at every point of it.
 
-A point at (w, U, G) says that the joint moved as |G| U sin(w t + arg G) while the torque was U sin(w t). The effects are
-replayed along that motion until they come back to themselves; the first harmonic of their torque, with the inertial one,
-is what the plant needs, and the first harmonic of what the drive makes of the sine is what was applied. For a
+A point at (w, U, G) says that the joint moved as |G| U sin(w t + arg G) while the torque was U sin(w t). The effects
+are replayed along that motion until they come back to themselves; the first harmonic of their torque, with the inertial
+one, is what the plant needs, and the first harmonic of what the drive makes of the sine is what was applied. For a
 Maxwell-slip set this is the describing function; it holds for every effect of the catalogue, and for torque-held and
 position-held sweeps alike.
 
@@ -10,8 +10,7 @@ A sinusoidal torque does not move a joint with friction quite sinusoidally: the 
 fundamental by a tenth or more at and below the resonance. They follow from harmonic balance with the plant at hand
 (`settled`), and are kept while a fit takes its steps.
 
-Source of the describing function and of harmonic balance: Gelb and Vander Velde, Multiple-Input Describing Functions
-and Nonlinear System Design (1968).
+Source: Gelb and Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design (1968).
 """
 
 from __future__ import annotations
@@ -27,17 +26,17 @@ from scipy import ndimage
 
 from .errors import DataError
 from .frf import FRF, join_sines
+from .harmonics import SAMPLES, balance, fundamental, motion, velocity
+from .inverse import Observation
 from .plant import Plant
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-SAMPLES = 64  # of a period
-_ORDERS = np.arange(3, 22, 2)  # harmonics of the motion that are followed
-_ROUNDS = 25  # of harmonic balance
-_BALANCED = 0.02  # of the torque of the effects: what may be left over at a harmonic
-_MODEL_ERROR = 1e-3  # of a torque: what the sampled period and the harmonics left out may cost
+_MODEL_ERROR = 1.5e-3  # of a torque: what a sampled period costs
+_DOUBT = 1.03  # of the inertia: where this changes what the harmonics do, one of them meets the resonance
 _BLOCK = 3  # neighbouring points that are left out together
+_UNKNOWN = 0.01  # relative deviation of a response of which nothing is known
 _MOST_PERIODS = 256  # until a drive effect has come to rest
 
 
@@ -52,16 +51,15 @@ class FrfObservation:
         deviation: (n,) standard deviation of the torque at each point, E|error|^2 = deviation^2 [N m].
         scale: common to all observations of a fit; a row is a torque times scale over its deviation [N m].
         extra: (n, orders) harmonics of the motion, in the phase of its fundamental [rad].
-        resolution: position of one encoder count [rad], None where unknown.
     """
 
     frf: FRF
     deviation: Array
     scale: float = 1.0
     extra: Complex | None = None
-    resolution: float | None = None
 
     has_memory = False  # in the steady state the beginning is forgotten
+    skews = False  # its phase was estimated with torque and position on one clock
 
     @property
     def name(self) -> str:
@@ -86,10 +84,10 @@ class FrfObservation:
         """(2 n,) the rows."""
         return np.arange(2 * len(self.frf))
 
-    @cached_property
-    def time(self) -> Array:
-        """(2 n,) none of the rows has a time: zero."""
-        return np.zeros(2 * len(self.frf))
+    @property
+    def duration(self) -> float:
+        """The longest period [s]."""
+        return 1 / float(self.frf.frequency[0])
 
     def rows_per_block(self, duration: float) -> int:
         """Rows that are taken as dependent: those of neighbouring points."""
@@ -98,6 +96,14 @@ class FrfObservation:
     def opening(self, duration: float) -> FrfObservation:
         """Itself."""
         return self
+
+    def thinned(self, every: int) -> FrfObservation:
+        """The same observation of every so many points, the last included."""
+        if every < 2 or len(self.frf) < 3 * every:
+            return self
+        keep = (len(self.frf) - 1 - np.arange(len(self.frf))) % every == 0
+        extra = None if self.extra is None else self.extra[keep]
+        return replace(self, frf=self.frf.where(keep), deviation=self.deviation[keep], extra=extra)
 
     @cached_property
     def size(self) -> Array:
@@ -110,24 +116,9 @@ class FrfObservation:
         return np.asarray(self.size / self.frf.response, complex)
 
     @cached_property
-    def _rate(self) -> Complex:
-        return 1j * self.frf.omega
-
-    @cached_property
     def _waves(self) -> tuple[Array, Array]:
         """(n, samples) the motion and its velocity over one period."""
-        return self._motion(self.extra)
-
-    def _motion(self, extra: Complex | None) -> tuple[Array, Array]:
-        spectrum = np.zeros((len(self.frf), SAMPLES // 2 + 1), complex)
-        spectrum[:, 1] = self.size
-        if extra is not None:
-            spectrum[:, _ORDERS] = extra
-        half = SAMPLES / 2
-        orders = np.arange(SAMPLES // 2 + 1)
-        position = np.fft.irfft(spectrum * half, SAMPLES, axis=1)
-        velocity = np.fft.irfft(spectrum * half * 1j * orders * self.frf.omega[:, None], SAMPLES, axis=1)
-        return position, velocity
+        return motion(self.size, self.frf.omega, self.extra)
 
     @property
     def position(self) -> Array:
@@ -140,9 +131,9 @@ class FrfObservation:
         return self._waves[1].ravel()
 
     @property
-    def largest_torque(self) -> float:
-        """Largest torque commanded [N m]."""
-        return float(np.abs(self.torque).max())
+    def commands(self) -> Array:
+        """(n samples,) torque commanded over one period of each point [N m]."""
+        return np.outer(np.abs(self.torque), np.cos(2 * math.pi * np.arange(SAMPLES) / SAMPLES)).ravel()
 
     def _rows(self, x: Complex) -> Array:
         weighted = x * (self.scale / self.deviation)
@@ -156,7 +147,7 @@ class FrfObservation:
     @cached_property
     def acceleration(self) -> Array:
         """(2 n,) rows of the acceleration."""
-        return self._rows(-self.frf.omega**2 * self.size)
+        return self._rows((-self.frf.omega**2 * self.size).astype(complex))
 
     def applied(self, plant: Plant, skew: float = 0.0) -> Array:
         """(2 n,) rows of the torque that the drive of `plant` delivered."""
@@ -167,7 +158,6 @@ class FrfObservation:
         out = np.ones(len(self.frf), complex)
         if not plant.drive:
             return out
-        wave = np.exp(-2j * math.pi * np.arange(SAMPLES) / SAMPLES)
         for i, (f, size) in enumerate(zip(self.frf.frequency, np.abs(self.torque), strict=True)):
             periods, last = 2, 0j
             while periods <= _MOST_PERIODS:
@@ -175,7 +165,7 @@ class FrfObservation:
                 torque = size * np.cos(2 * math.pi * phase)
                 for effect in plant.drive:
                     torque = effect.deliver(phase / f, torque)
-                found = complex(torque[-SAMPLES:] @ wave) * 2 / SAMPLES / size
+                found = complex(fundamental(torque[None, -SAMPLES:])[0]) / size
                 if abs(found - last) < 1e-6:
                     break
                 periods, last = 2 * periods, found
@@ -185,27 +175,25 @@ class FrfObservation:
     def _read(self, plant: Plant) -> tuple[Array, Array, Complex]:
         """Motion, velocity and fundamental of where the joint was, given the sensor effects of the plant."""
         sensors = [e for e in plant.effects if e.kind == "sensor"]
-        position, velocity = self._waves
+        position, rate = self._waves
         if not sensors:
-            return position, velocity, self.size.astype(complex)
+            return position, rate, self.size.astype(complex)
         at = np.empty_like(position)
         for i, f in enumerate(self.frf.frequency):
             at[i] = position[i]
             for effect in reversed(sensors):
                 at[i] = effect.correct(np.arange(SAMPLES) / (SAMPLES * f), at[i])
         spectrum = np.fft.rfft(at, axis=1)
-        slope = spectrum * 1j * np.arange(SAMPLES // 2 + 1) * self.frf.omega[:, None]
-        slope[:, -1] = 0
-        return at, np.fft.irfft(slope, SAMPLES, axis=1), spectrum[:, 1] * (2 / SAMPLES)
+        return at, velocity(spectrum, self.frf.omega), fundamental(at)
 
-    def _replay(self, plant: Plant) -> Complex:
-        position, velocity, _ = self._read(plant)
-        torque = plant.joint().cycle(1 / self.frf.frequency, position, velocity)
-        return np.asarray(torque @ _FIRST, complex)
+    def effects_torque(self, plant: Plant) -> Complex:
+        """(n,) fundamental of the torque of the effects along the motion [N m]."""
+        position, rate, _ = self._read(plant)
+        return fundamental(plant.joint().cycle(1 / self.frf.frequency, position, rate))
 
     def replay(self, plant: Plant, memory: Array | None = None, parts: int = 1) -> Array:
         """(2 n,) rows of the torque of the effects along the motion."""
-        return self._rows(self._replay(plant))
+        return self._rows(self.effects_torque(plant))
 
     def needed(self, plant: Plant, memory: Array | None = None) -> Array:
         """(2 n,) rows of the torque that the plant needs along the motion."""
@@ -213,45 +201,17 @@ class FrfObservation:
 
     def needed_torque(self, plant: Plant) -> Complex:
         """(n,) fundamental of the torque that the plant needs along the motion [N m]."""
-        fundamental = self._read(plant)[2]
-        return -plant.driven_inertia * self.frf.omega**2 * fundamental - self._replay(plant)
+        at = self._read(plant)[2]
+        return np.asarray(-plant.driven_inertia * self.frf.omega**2 * at - self.effects_torque(plant), complex)
 
     def settled(self, plant: Plant) -> FrfObservation:
         """The same observation with the harmonics that the motion of `plant` has under a sinusoidal torque.
 
         Where no balance is found the harmonics stay as they were.
         """
-        found, good = self.balance(plant)
-        kept = np.zeros_like(found) if self.extra is None else self.extra
-        return replace(self, extra=np.where(good[:, None], found, kept))
-
-    def balance(self, plant: Plant, rounds: int = _ROUNDS) -> tuple[Complex, NDArray[np.bool_]]:
-        """(n, orders) harmonics of the motion of `plant`, and (n,) whether its torque has none to within 2 %.
-
-        It may not be found where a harmonic meets the resonance, far below it.
-        """
-        inertial = plant.driven_inertia * np.outer(self.frf.omega, _ORDERS) ** 2
-        joint, period = plant.joint(), 1 / self.frf.frequency
-        extra = np.zeros((len(self.frf), len(_ORDERS)), complex) if self.extra is None else self.extra.copy()
-        best, least = extra, np.full(len(self.frf), np.inf)
-        share = np.full(len(self.frf), 0.5)
-        for _ in range(rounds):
-            spectrum = np.fft.rfft(joint.cycle(period, *self._motion(extra)), axis=1) * (2 / SAMPLES)
-            force, first = spectrum[:, _ORDERS], spectrum[:, 1]
-            wrong = force + inertial * extra
-            left = np.abs(wrong).max(1) / np.maximum(np.abs(first), 1e-300)
-            better = left < least
-            best = np.where(better[:, None], extra, best)
-            share = np.where(better, share, 0.7 * share)
-            least = np.minimum(left, least)
-            if np.all(least < 1e-4):
-                break
-            stiffness = np.abs(first.real / self.size)[:, None]
-            away = stiffness - inertial
-            # Near the resonance of a harmonic the friction damps it: a step of any size would go too far.
-            away = np.where(np.abs(away) < 0.2 * stiffness, np.copysign(0.2 * stiffness, away), away)
-            extra = extra + share[:, None] * wrong / away
-        return best, least < _BALANCED
+        found = balance(plant.joint(), plant.driven_inertia, self.size, self.frf.omega, self.extra)
+        kept = np.zeros_like(found.extra) if self.extra is None else self.extra
+        return replace(self, extra=np.where(found.good[:, None], found.extra, kept))
 
     def floor(self, rng: np.random.Generator) -> Array:
         """(2 n,) rows that the uncertainty of the response alone leaves, one draw."""
@@ -259,10 +219,7 @@ class FrfObservation:
 
     def model_response(self, plant: Plant) -> Complex:
         """(n,) response of `plant` at the amplitude of the motion measured: position over torque commanded."""
-        return np.asarray(self.size * self.drive_response(plant) / self.needed_torque(plant), complex) * np.exp(0j)
-
-
-_FIRST = np.exp(-2j * math.pi * np.arange(SAMPLES) / SAMPLES) * (2 / SAMPLES)
+        return np.asarray(self.size * self.drive_response(plant) / self.needed_torque(plant), complex)
 
 
 def relative_deviation(frf: FRF) -> Array:
@@ -307,39 +264,49 @@ def usable(frf: FRF) -> FRF:
     return f
 
 
-def observe_frfs(frfs: Sequence[FRF], scale: float | None = None) -> list[FrfObservation]:
-    """Responses as observations of one fit.
-
-    Args:
-        frfs: from torque, one sine at a time, with their amplitudes.
-        scale: standard deviation of the torque in the records they stand beside [N m]; None: there are none, and rows
-            are as large as torques are.
-
-    Raises:
-        DataError: a response that cannot be used.
-    """
+def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:
+    """Responses as observations, sines of one amplitude joined; raises DataError where one cannot be used."""
     found = [usable(f) for f in join_sines(frfs)]
     shares = [relative_deviation(f) for f in found]
     known = np.concatenate(shares)
-    usual = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 0.01
+    usual = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else _UNKNOWN
     out = []
     for f, share in zip(found, shares, strict=True):
-        share = np.where(np.isfinite(share), share, usual)
         size = np.asarray(f.amplitude, float) / np.abs(f.response)
-        out.append(FrfObservation(f, np.hypot(share * size, _MODEL_ERROR * size)))
-    if scale is None:
-        size = np.concatenate([np.abs(o.torque) for o in out])
-        units = np.concatenate([np.abs(o.torque) / o.deviation for o in out])
-        scale = float(np.sqrt(np.mean(size**2) / np.mean(units**2)))
-    return [replace(o, scale=scale) for o in out]
+        out.append(FrfObservation(f, np.hypot(np.where(np.isfinite(share), share, usual), _MODEL_ERROR) * size))
+    return rescaled(out)
 
 
 def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObservation]:
-    """The observations with the harmonics of `plant`, without the points at which none were found."""
+    """The observations with the harmonics of `plant`, without the points at which there is no balance.
+
+    What the calculation itself may cost is added to the deviation of each point.
+    """
     out = []
     for o in observations:
-        extra, good = o.balance(plant)
-        if good.any():
-            frf = o.frf if good.all() else o.frf.where(good)
-            out.append(replace(o, frf=frf, deviation=o.deviation[good], extra=extra[good]))
+        found = balance(plant.joint(), plant.driven_inertia, o.size, o.frf.omega)
+        beside = balance(plant.joint(), _DOUBT * plant.driven_inertia, o.size, o.frf.omega, found.extra)
+        error = np.hypot(_MODEL_ERROR * np.abs(found.first), np.abs(found.first - beside.first))
+        good, deviation = found.good & beside.good, np.hypot(o.deviation, error)
+        if not good.any():
+            continue
+        frf = o.frf if good.all() else o.frf.where(good)
+        out.append(replace(o, frf=frf, deviation=deviation[good], extra=found.extra[good]))
     return out
+
+
+def rescaled(observations: Sequence[FrfObservation], scale: float | None = None) -> list[FrfObservation]:
+    """The observations with a common scale.
+
+    Args:
+        scale: standard deviation of the torque in the records they stand beside [N m]; None: there are none, and rows
+            are as large as torques are.
+    """
+    if scale is None:
+        size = np.concatenate([np.abs(o.torque) for o in observations])
+        units = np.concatenate([np.abs(o.torque) / o.deviation for o in observations])
+        scale = float(np.sqrt(np.mean(size**2) / np.mean(units**2)))
+    return [replace(o, scale=scale) for o in observations]
+
+
+Seen = Observation | FrfObservation

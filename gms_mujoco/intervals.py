@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .inverse import Observation
+from .frf_observation import Seen
 from .misfit import Misfit
 from .tall import gram
 
@@ -28,11 +28,12 @@ def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:
     return bread @ (scores.T @ scores) @ bread * len(scores) / max(len(scores) - misfit.coordinates.size, 1)
 
 
-def block_sums(observations: Sequence[Observation], rows: Array, block: float) -> Array:
-    """(blocks, ...) sums of consecutive rows (m, ...), over blocks of time that end with their record [s]."""
+def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:
+    """(blocks, ...) sums of consecutive rows (m, ...), over blocks of time that end with their record [s], or of
+    neighbouring points of a frequency response."""
     edges, start = [], 0
     for o in observations:
-        length = max(int(block / (o.stride * o.record.sample_time)), 1)
+        length = o.rows_per_block(block)
         count = max(len(o.index) // length, 1)
         edges.append(start + length * np.arange(count))
         start += len(o.index)

@@ -63,6 +63,36 @@ class Observation:
     bandwidth: float
     smoothing: float = 2.0
 
+    has_memory = True  # what went before the first sample still acts
+    skews = True  # nobody says that torque and position were read on one clock
+
+    @property
+    def name(self) -> str:
+        return self.record.name
+
+    @property
+    def use(self) -> str:
+        return self.record.use
+
+    @property
+    def sample_time(self) -> float:
+        """[s]."""
+        return self.record.sample_time
+
+    @property
+    def duration(self) -> float:
+        """From the first band-limited value to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def commands(self) -> Array:
+        """(n,) torque commanded [N m]."""
+        return self.record.torque
+
+    def rows_per_block(self, duration: float) -> int:
+        """Band-limited values in a stretch of time [s]."""
+        return max(int(duration / (self.stride * self.record.sample_time)), 1)
+
     @cached_property
     def stride(self) -> int:
         """Samples from one band-limited value to the next."""
@@ -93,6 +123,10 @@ class Observation:
         """The same observation of the first part of the record [s]."""
         n = max(int(duration / self.record.sample_time), 8 * self._half)
         return self if n >= len(self.record) else replace(self, record=self.record.slice(0, n))
+
+    def settled(self, plant: Plant) -> Observation:
+        """Itself: nothing about it depends on a plant."""
+        return self
 
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinates
-from .inverse import Observation
+from .frf_observation import Seen
 from .plant import Plant
 from .scales import Scales
 from .starts import visible_limits
@@ -34,12 +35,15 @@ class Misfit:
     """
 
     def __init__(
-        self, template: Plant, observations: Sequence[Observation], fixed: Collection[str] = (), memory: bool = True
+        self, template: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), memory: bool = True
     ) -> None:
         self.coordinates = Coordinates(template, fixed)
         self.observations = tuple(observations)
         self.n_memory = template.joint().n_memory if memory else 0
-        self.n_skew = 1 if self.coordinates.size else 0
+        # Where the states before each observation begin and end; a frequency response has none.
+        ends = self.n_memory * np.cumsum([0, *(o.has_memory for o in self.observations)])
+        self._states = [(int(a), int(b)) for a, b in pairwise(ends)]
+        self.n_skew = 1 if self.coordinates.size and any(o.skews for o in self.observations) else 0
         self.splits = np.cumsum([len(o.index) for o in self.observations])[:-1]
 
     @property
@@ -49,19 +53,20 @@ class Misfit:
 
     @property
     def size(self) -> int:
-        return self.n_common + self.n_memory * len(self.observations)
+        return self.n_common + self._states[-1][1]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         lower, upper = self.coordinates.bounds
         lower, upper = np.maximum(lower, self._visible[0]), np.minimum(upper, self._visible[1])
         rest = np.ones(self.size - self.coordinates.size)
-        rest[: self.n_skew] = 0.0 if "delay" in self.coordinates.template else _SKEW * self._shortest
+        if self.n_skew:
+            rest[0] = 0.0 if "delay" in self.coordinates.template else _SKEW * self._shortest
         return np.append(lower, -rest), np.append(upper, rest)
 
     @cached_property
     def _shortest(self) -> float:
-        return min(o.record.sample_time for o in self.observations)
+        return min(o.sample_time for o in self.observations if o.skews)
 
     def skew(self, x: Array) -> float:
         """By which the clock of the torque runs ahead of that of the position [s]."""
@@ -76,33 +81,37 @@ class Misfit:
 
     def memory(self, x: Array, i: int) -> Array | None:
         """(n_memory,) state before observation i; None: the elements have never moved."""
-        if not self.n_memory:
-            return None
-        start = self.n_common + i * self.n_memory
-        return x[start : start + self.n_memory]
+        begin, end = self._states[i]
+        return x[self.n_common + begin : self.n_common + end] if end > begin else None
 
     def memories(self, x: Array, n: int) -> list[Array]:
         """States before each observation, made n long with zeros for effects that this plant does not have yet."""
-        known = [self.memory(x, i) for i in range(len(self.observations))]
-        return [np.append(np.empty(0) if m is None else m, np.zeros(n - self.n_memory)) for m in known]
+        out = []
+        for i, o in enumerate(self.observations):
+            known = self.memory(x, i)
+            more = np.zeros(n - self.n_memory if o.has_memory else 0)
+            out.append(more if known is None else np.append(known, more))
+        return out
 
     def vector(self, plant: Plant, memories: Sequence[Array] | None = None, skew: float = 0.0) -> Array:
         """The vector of a plant whose elements have never moved, or stand as given."""
-        rest = np.zeros(self.n_memory * len(self.observations)) if memories is None else np.concatenate(memories)
+        rest = np.zeros(self._states[-1][1]) if memories is None else np.concatenate(memories)
         return np.concatenate([self.coordinates.encode(plant), np.full(self.n_skew, skew), rest])
 
     def settle(self, x: Array) -> Array:
-        """`x` with better states before the first sample, by a search over each of them.
+        """`x` with better states before the first sample, by a search over each of them; and motions of frequency
+        responses with the harmonics that they have at `x`.
 
         An element forgets its state when it first slips, so the cost has flat parts and steps where a gradient
         is blind; a coarse search per element is not. The opening of a record is enough for it.
         """
         x = x.copy()
         plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
-
-        for i in range(len(self.observations) if self.n_memory else 0):
+        self.observations = tuple(o.settled(plant) for o in self.observations)
+        for i in range(len(self.observations)):
             o, memory = self.observations[i].opening(_OPENING), self.memory(x, i)  # a view into x
-            assert memory is not None
+            if memory is None:
+                continue
             applied = o.applied(plant, skew)
             best = squared(applied - o.needed(plant, memory))
             for level in (*_LEVELS, *_LEVELS):
@@ -148,12 +157,15 @@ class Misfit:
             moved[column] += step
             step = moved[column] - x[column]
             # A state before the first sample concerns one observation; a parameter concerns all.
-            where = range(len(parts)) if common else [(column - self.n_common) // self.n_memory]
+            where = range(len(parts)) if common else [self._owner(column - self.n_common)]
             there = self.coordinates.decode(moved[:n]) if column < n else plant
             for i in where:
                 rows = slice(starts[i], starts[i] + len(parts[i]))
                 out[rows, column] = (self._one(there, i, moved) - parts[i]) / step
         return out
+
+    def _owner(self, state: int) -> int:
+        return next(i for i, (begin, end) in enumerate(self._states) if begin <= state < end)
 
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, signal
 
+from .frf_observation import Seen
 from .inverse import Observation, held_mean, second_difference
 from .plant import Plant
 from .record import Record
@@ -85,7 +86,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
 
 
-def refine_noise(noise: Noise, observations: Sequence[Observation], residuals: Sequence[Array]) -> Noise:
+def refine_noise(noise: Noise, observations: Sequence[Seen], residuals: Sequence[Array]) -> Noise:
     """The noise, with that of the torque no larger than what a model has left most of the time.
 
     What a model leaves over is noise and its own errors; the median over short segments and over frequencies
@@ -96,6 +97,8 @@ def refine_noise(noise: Noise, observations: Sequence[Observation], residuals: S
     """
     densities = []
     for o, r in zip(observations, residuals, strict=True):
+        if not isinstance(o, Observation):
+            continue
         step = o.stride * o.record.sample_time
         f, _, power = signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
         inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
@@ -120,6 +123,14 @@ def _rigid(record: Record, inertia: float) -> Array:
 def typical_inertia(records: Sequence[Record], inertia: float) -> float:
     """Root mean square of the inertia about the joint over the records [kg m^2]."""
     return float(np.sqrt(np.mean([np.mean(np.square(inertia_along(r, inertia))) for r in records])))
+
+
+def noise_of(observations: Sequence[Seen], residuals: Sequence[Array], inertia: float) -> Noise:
+    """Noise of the sensors that all records share, given what a model has left; none where there are no records."""
+    records = [o.record for o in observations if isinstance(o, Observation)]
+    if not records:
+        return Noise(0.0, 0.0, 0.0)
+    return refine_noise(estimate_noise(records, inertia), observations, residuals)
 
 
 def rough_inertia(records: Sequence[Record]) -> float:
@@ -156,9 +167,11 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 
 
 def floor_residual(
-    observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
+    observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
 ) -> Array:
-    """(m,) residual that `plant` itself would leave on a record like this one [N m]."""
+    """(m,) residual that `plant` itself would leave on a record like this one; on a frequency response its uncertainty [N m]."""
+    if not isinstance(observation, Observation):
+        return observation.floor(rng)
     return sensor_residual(observation, plant, memory, noise, rng) + sampling_residual(observation, plant, memory)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from .frf_observation import FrfObservation
+from .inverse import Observation
 from .misfit import Misfit
 
 Array = NDArray[np.float64]
@@ -30,9 +32,11 @@ def describe(misfit: Misfit, vector: Array) -> str:
 
     worst = int(np.argmax(energy))
     if len(parts) > 1 and energy[worst] > 1.5 * total / len(parts):
-        said.append(f"{100 * energy[worst] / total:.0f} % of its square in {observations[worst].record.name}")
+        said.append(f"{100 * energy[worst] / total:.0f} % of its square in {observations[worst].name}")
 
     o, r = observations[worst], parts[worst]
+    if isinstance(o, FrfObservation):
+        return ", ".join([*said, _where(o, r)])
     f, power = signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
     first = min(_FEWEST_PERIODS, len(power) - 1)
     peak = int(np.argmax(power[first:])) + first
@@ -40,9 +44,10 @@ def describe(misfit: Misfit, vector: Array) -> str:
     if line > _NOTABLE:
         said.append(f"periodic in time at {f[peak]:.3g} Hz ({100 * line:.0f} %)")
 
-    position = np.concatenate([o.position[o.index] for o in observations])
-    velocity = np.concatenate([o.velocity[o.index] for o in observations])
-    residual = np.concatenate(parts)
+    runs = [(o, p) for o, p in zip(observations, parts, strict=True) if isinstance(o, Observation)]
+    position = np.concatenate([o.position[o.index] for o, _ in runs])
+    velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
+    residual = np.concatenate([p for _, p in runs])
     turn = np.mod(position, 2 * math.pi)
     for x, what in ((turn, "tied to the place on the revolution"), (velocity, "tied to velocity")):
         share = _explained(x, residual)
@@ -59,6 +64,14 @@ def describe(misfit: Misfit, vector: Array) -> str:
     if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
         said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
     return ", ".join(said)
+
+
+def _where(o: FrfObservation, rows: Array) -> str:
+    """Between which frequencies most of the residual of a response stands."""
+    square = np.sum(rows.reshape(-1, 2) ** 2, 1)
+    inside = np.searchsorted(np.cumsum(square) / square.sum(), (0.1, 0.9))
+    low, high = o.frf.frequency[np.minimum(inside, len(square) - 1)]
+    return f"in {o.name} from {low:.3g} to {high:.3g} Hz (80 %)"
 
 
 def _explained(x: Array, residual: Array, bins: int = 40) -> float:

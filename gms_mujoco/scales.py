@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .inverse import Observation
+from .frf_observation import Seen
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ class Scales:
     sample_time: float
 
     @classmethod
-    def of(cls, observations: Sequence[Observation]) -> Scales:
+    def of(cls, observations: Sequence[Seen]) -> Scales:
         def pooled(values: list[Array]) -> float:
             return float(np.sqrt(np.mean([np.mean(v**2) for v in values]))) or 1.0
 
@@ -35,7 +35,7 @@ class Scales:
             pooled([o.position - o.position.mean() for o in observations]),
             pooled([o.velocity for o in observations]),
             pooled([o.acceleration for o in observations]),
-            float(np.mean([o.record.sample_time for o in observations])),
+            float(np.mean([o.sample_time for o in observations])),
         )
 
     def __getitem__(self, unit: str) -> float:

@@ -20,8 +20,8 @@ from scipy import linalg
 
 from . import effects
 from .effect import Effect
+from .frf_observation import Seen
 from .intervals import block_sums
-from .inverse import Observation
 from .misfit import Misfit
 from .parameter import Parameter
 from .plant import Plant
@@ -156,7 +156,7 @@ def has_phase(effect: type[Effect]) -> bool:
     return any(p.name == "phase" for p in effect.parameters)
 
 
-def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Observation]) -> Iterator[dict[str, float]]:
+def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Seen]) -> Iterator[dict[str, float]]:
     """Values to try for the parameters that are neither strengths nor phases."""
     grids: dict[str, Sequence[float]] = {}
     for p in effect.parameters:
@@ -168,7 +168,7 @@ def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Observat
         yield dict(zip(grids, chosen, strict=True))
 
 
-def _grid(p: Parameter, first: int, scales: Scales, observations: Sequence[Observation]) -> Sequence[float] | Array:
+def _grid(p: Parameter, first: int, scales: Scales, observations: Sequence[Seen]) -> Sequence[float] | Array:
     """What a parameter may typically be, by its unit and what the records span."""
     if p.unit == "1/rev":
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
@@ -176,13 +176,13 @@ def _grid(p: Parameter, first: int, scales: Scales, observations: Sequence[Obser
         turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
         return [n for n in range(first, _ORDERS + 1) if n * turn >= 1]
     if p.unit == "Hz":
-        return observations[0].bandwidth * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
+        return max(o.bandwidth for o in observations) * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
     if p.unit == "s":
-        return max(float(np.ptp(o.time)) for o in observations) * np.array([0.05, 0.2, 0.8])
+        return max(o.duration for o in observations) * np.array([0.05, 0.2, 0.8])
     if p.unit == "rad":
         return np.median([float(np.ptp(o.position)) for o in observations]) * np.array([0.003, 0.01, 0.03, 0.1])
     if p.unit == "N m":
-        return max(float(np.abs(o.record.torque).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
+        return max(float(np.abs(o.commands).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
     return scales[p.unit] * np.array([0.1, 1.0, 10.0])
 
 
@@ -320,7 +320,7 @@ def cross_validated(misfit: Misfit, vector: Array) -> Array:
     return out
 
 
-def _block_grams(observations: Sequence[Observation], columns: Array) -> Array:
+def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
     """(blocks, p, p) products of the columns, summed over each block of time."""
     ends = np.cumsum(block_sums(observations, np.ones((len(columns), 1)), BLOCK)[:, 0].astype(int))
     return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])

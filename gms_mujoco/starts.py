@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy import optimize
 from . import effects
 from .effect import Effect
 from .errors import ModelError
+from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .plant import Plant
 from .scales import Scales
@@ -22,10 +24,13 @@ _GRID = 20  # break-away distances tried
 # An element that slips only after many times the usual distance is a spring with an unknown offset in every record:
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
+_FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
+_STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
+_FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 
 
-def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
+def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
     """Plants like `plant` with every parameter set, to start a fit from; more than one where it may matter.
 
     Raises:
@@ -39,19 +44,20 @@ def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
         return [replace(first, inertia=_maxwell_slip(first, (), observations)[0])] if plant.inertia is None else [first]
 
     gms = plant["gms"]
-    span = max(float(np.ptp(o.position)) for o in observations)
-    finest = 3 * min(o.record.resolution or 0.0 for o in observations)
-    distances = np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), 0.3 * span, _GRID)
+    distances = _distances(observations)
     others = replace(plant, effects=tuple(rest))
     inertia, viscous, levels = _maxwell_slip(others, distances, observations)
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
-    stiffness, share, level = _grouped(distances, levels, gms.elements)
+    group = _gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
+    stiffness, share, level = group(distances, levels, gms.elements)
+    if "stiffness" in gms.unset and np.ptp(gms.fraction) < 1e-12:  # equal shares are what nobody has chosen
+        gms = gms.replace(fraction=share)
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
     for factor in _STRIBECK_VELOCITIES:
         started = _with(
-            gms, stiffness=stiffness, fraction=share, coulomb=level, static=1.05 * level,
+            gms, stiffness=stiffness, coulomb=level, static=1.05 * level,
             stribeck_velocity=min(factor * scales["rad/s"], fastest), attraction=0.1 * level / scales["s"],
         )
         by_name = {e.name: e for e in (*rest, started)}
@@ -59,7 +65,22 @@ def starts(plant: Plant, observations: Sequence[Observation]) -> list[Plant]:
     return out
 
 
-def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
+def _distances(observations: Sequence[Seen]) -> Array:
+    """Break-away distances to try: those that the records pass, and those that the amplitudes of responses tell."""
+    grids = []
+    records = [o for o in observations if isinstance(o, Observation)]
+    if records:
+        span = max(float(np.ptp(o.position)) for o in records)
+        finest = 3 * min(o.record.resolution or 0.0 for o in records)
+        grids.append(np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), 0.3 * span, _GRID))
+    sizes = [o.size for o in observations if isinstance(o, FrfObservation)]
+    if sizes:
+        size = np.concatenate(sizes)
+        grids.append(np.geomspace(_FINEST * size.min(), size.max(), _FINE_GRID))
+    return np.sort(np.concatenate(grids))
+
+
+def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float]]:
     """Lower and upper limit of parameters beyond which these observations say nothing about them, by label.
 
     A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
@@ -70,24 +91,28 @@ def visible_limits(plant: Plant, observations: Sequence[Observation]) -> dict[st
     """
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:
-        middle = float(np.median(np.abs(np.concatenate([o.record.torque for o in observations]))))
+        middle = float(np.median(np.abs(np.concatenate([o.commands for o in observations]))))
         limits["torque_saturation.limit"] = (middle, np.inf, float(np.asarray(plant["torque_saturation"].limit)))
     if "gms" in plant and not plant["gms"].unset:
         limits |= _visible_gms(plant["gms"], observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
 
 
-def _visible_gms(gms: Effect, observations: Sequence[Observation]) -> dict[str, tuple[float, float, float]]:
+def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
     stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
     total = float(level.sum())
     longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
     softest = float(level.mean()) / longest
-    step = min(o.record.sample_time for o in observations)
-    duration = max(float(np.ptp(o.time)) for o in observations)
+    step = min(o.sample_time for o in observations)
+    duration = max(o.duration for o in observations)
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
-    limits = {n: (softest, np.inf, float(k)) for n, k in zip(names, stiffness, strict=True)}
+    softer = np.full(gms.elements, softest)
+    sizes = [float(o.size.max()) for o in observations if isinstance(o, FrfObservation)]
+    if len(sizes) == len(observations):  # one that never slipped at any amplitude is told from no other such
+        softer = _STUCK * level / max(sizes)
+    limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
     limits["gms.stribeck_velocity"] = (slowest, fastest, float(np.asarray(gms.stribeck_velocity)))
     return limits
@@ -110,7 +135,7 @@ def _with(effect: Effect, **values: object) -> Effect:
 
 
 def _maxwell_slip(
-    plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Observation]
+    plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Seen]
 ) -> tuple[float, float, Array]:
     """Inertia, viscous coefficient and the level of one slipping spring per break-away distance.
 
@@ -173,3 +198,29 @@ def _grouped(distances: Array, levels: Array, n: int) -> tuple[Array, Array, flo
         (np.flatnonzero(empty) + 0.5) / n, np.sort(middle), distances[np.argsort(middle)]
     )
     return stiffness, level / level.sum(), total
+
+
+def _gathered(distances: Array, levels: Array, n: int) -> tuple[Array, Array, float]:
+    """The same where small distances matter however little of the level breaks away there."""
+    total = float(levels.sum())
+    active = np.flatnonzero(levels > 1e-6 * total)
+    if not len(active):
+        return _grouped(distances, levels, n)
+    groups = [list(g) for g in np.split(active, np.flatnonzero(np.diff(active) > 1) + 1)]
+    elements = [(float(levels[g].sum()), float((levels[g] / distances[g]).sum())) for g in groups]
+    while len(elements) > n:  # those that differ least become one
+        x = np.log([level / k for level, k in elements])
+        lesser = [min(a[1], b[1]) for a, b in pairwise(elements)]
+        i = int(np.argmin(np.diff(x) * lesser))
+        (a, k), (b, c) = elements[i : i + 2]
+        elements[i : i + 2] = [(a + b, k + c)]
+    while len(elements) < n:  # where the gap is widest an element starts small, so that a fit can grow it
+        x = np.log([level / k for level, k in elements])
+        if len(x) == 1:
+            at, where = 1, float(x[0]) - 1
+        else:
+            at = int(np.argmax(np.diff(x))) + 1
+            where = float(x[at - 1] + x[at]) / 2
+        elements.insert(at if len(x) > 1 else 0, (1e-3 * total, 1e-3 * total / np.exp(where)))
+    level, stiffness = np.array(elements).T
+    return stiffness, level / level.sum(), float(level.sum())

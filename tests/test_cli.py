@@ -195,7 +195,7 @@ def test_frf_of_a_folder_with_responses_alone(tmp_path: Path, capsys: pytest.Cap
     (tmp_path / "dataset.toml").write_text(entry)
     assert cli.main(["frf", str(tmp_path)]) == 0
     assert "amplitude of the excitation is not known" in capsys.readouterr().out
-    refuses(capsys, "only frequency responses", argv=["fit", tmp_path, "-o", tmp_path / "m.toml"])
+    refuses(capsys, "amplitude of the excitation is not known", argv=["fit", tmp_path, "-o", tmp_path / "m.toml"])
     refuses(capsys, "nowhere", argv=["frf", tmp_path, "-o", tmp_path / "nowhere" / "a.csv"])
     refuses(capsys, "--period", argv=["frf", tmp_path, "--period", "-1"])
     refuses(capsys, "no such file or folder", argv=["frf", tmp_path / "none"])

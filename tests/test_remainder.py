@@ -7,8 +7,8 @@ import pytest
 from bench import HEALTHY, LEVEL, SAMPLE_TIME, rms, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit import observe
 from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.remainder import describe

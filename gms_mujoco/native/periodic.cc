@@ -9,7 +9,7 @@
 
 namespace {
 
-constexpr int kMostPeriods = 60;
+constexpr int kMostPeriods = 24;
 constexpr double kSettled = 1e-7;  // of the largest value that a state takes
 constexpr double kWarm = 1e4;      // s since the start: what fades with time has faded
 

@@ -1,0 +1,74 @@
+"""What a fit looks at: records seen through one band, and frequency responses beside them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from .dahl_resonance import identify_dahl
+from .errors import DataError
+from .frf import FRF
+from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled, usable
+from .inverse import Observation
+from .noise import choose_bandwidth, estimate_noise, rough_inertia
+from .plant import Plant
+from .record import Record
+
+_LEAST_DEVIATION = 3e-3  # of the torque in records: no model of one is better
+
+
+def observe(
+    data: Sequence[Record | FRF],
+    inertia: float | None = None,
+    bandwidth: float | None = None,
+    plant: Plant | None = None,
+) -> list[Seen]:
+    """Records and frequency responses as observations of one fit, each weighed by its uncertainty.
+
+    Args:
+        data: in any order; records come first in the result. Beside others, a response that cannot be used (no
+            amplitude, many frequencies at once, not from torque) is left out.
+        inertia: [kg m^2]; None: unknown.
+        bandwidth: of the records [Hz]; None: chosen from their noise.
+        plant: what is known of the axis, every parameter set, for the harmonics of its motion under a sinusoidal
+            torque; None: from a first reading of the responses.
+
+    Raises:
+        DataError: there is nothing to look at, or no response can be used and why.
+    """
+    records = [d for d in data if isinstance(d, Record)]
+    frfs, refused = [], []
+    for d in data:
+        if isinstance(d, FRF):
+            try:
+                frfs.append(usable(d))
+            except DataError as error:
+                refused.append(error)
+    if not records and not frfs:
+        if refused:
+            raise refused[0]
+        raise DataError('no records to look at; a measurement set needs at least one with use = "fit"')
+    if records:
+        bandwidth = bandwidth or choose_bandwidth(records, inertia)
+    seen: list[Seen] = [Observation(r, bandwidth) for r in records] if bandwidth else []
+    if not frfs:
+        return seen
+    scale = None
+    if records and bandwidth:
+        h = float(np.mean([r.sample_time for r in records]))
+        noise = estimate_noise(records, inertia or rough_inertia(records)).torque * math.sqrt(2 * h * bandwidth)
+        usual = math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
+        scale = max(noise, _LEAST_DEVIATION * usual) * math.sqrt(2)  # of the two parts of a complex number together
+    return [*seen, *rescaled(_balanced(observe_frfs(frfs), inertia, plant), scale)]
+
+
+def _balanced(
+    observations: list[FrfObservation], inertia: float | None, plant: Plant | None
+) -> list[FrfObservation]:
+    try:
+        near = plant or identify_dahl([o.frf for o in observations], inertia).plant
+    except DataError:  # nothing that is read as friction: no harmonics to begin with
+        return observations
+    return balanced(observations, near) or observations
