@@ -163,3 +163,18 @@ def table(rows: tuple[FrfComparison, ...]) -> str:
         lines.append(f"{r.name:{width}}  {r.use:8}  {100 * r.torque_error:8.2f}  {100 * r.noise_floor:8.2f}  "
                      f"{100 * r.simulation_error:10.2f}  {tuned:>18}  {damped:>17}")
     return "\n".join(lines)
+
+
+def decibel(response: Complex) -> Array:
+    """(n,) magnitude of a response [dB]."""
+    return np.asarray(20 * np.log10(np.abs(response)))
+
+
+def degrees(response: Complex) -> Array:
+    """(n,) phase of a response without jumps [deg]."""
+    return np.asarray(np.degrees(np.unwrap(np.angle(response))))
+
+
+def turned(value: Array, like: Array, unit: str) -> Array:
+    """A phase by as many whole turns as bring it closest to another; anything else as it is."""
+    return value + 360 * np.round((like[0] - value[0]) / 360) if unit == "deg" else value

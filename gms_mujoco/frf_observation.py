@@ -37,6 +37,7 @@ _MODEL_ERROR = 1.5e-3  # of a torque: what a sampled period costs
 _DOUBT = 1.03  # of the inertia: where this changes what the harmonics do, one of them meets the resonance
 _BLOCK = 3  # neighbouring points that are left out together
 _UNKNOWN = 0.01  # relative deviation of a response of which nothing is known
+_QUANTILE = 0.3
 _MOST_PERIODS = 256  # until a drive effect has come to rest
 
 
@@ -237,18 +238,22 @@ def relative_deviation(frf: FRF) -> Array:
 
 
 def roughness(frf: FRF) -> float:
-    """How far a point stands from the parabola through its four neighbours, relative; nan with fewer than 8 points."""
+    """How far a point stands from a smooth curve through its four neighbours, relative; nan with fewer than 8 points.
+
+    The curve is a parabola through 1 / G over w, which a resonance does not bend. Most of what bends it nevertheless is
+    kept out by a low quantile over the points.
+    """
     if len(frf) < 8:
         return math.nan
-    x = np.log(frf.frequency)
-    y = np.log(np.abs(frf.response)) + 1j * np.unwrap(np.angle(frf.response))
+    x, y = frf.omega, 1 / frf.response
     gaps = []
     for i in range(2, len(frf) - 2):
         near = np.array([i - 2, i - 1, i + 1, i + 2])
         powers = np.vander((x[near] - x[i]) / np.ptp(x[near]), 3)
         weights = np.linalg.pinv(powers)[-1]
-        gaps.append(abs(y[i] - weights @ y[near]) / math.sqrt(1 + float(weights @ weights)))
-    return float(np.median(gaps)) / 0.8326  # of a circular normal distribution
+        noise = math.hypot(float(np.abs(y[i])), *np.abs(weights * y[near]))
+        gaps.append(abs(y[i] - weights @ y[near]) / noise)
+    return float(np.quantile(gaps, _QUANTILE)) / math.sqrt(-math.log(1 - _QUANTILE))  # of a circular normal one
 
 
 def usable(frf: FRF) -> FRF:

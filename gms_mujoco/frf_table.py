@@ -21,7 +21,7 @@ from .frf import FRF, INPUTS, OUTPUTS, Complex, response_unit
 
 Array = NDArray[np.float64]
 
-COLUMNS = ("frequency", "magnitude", "phase", "real", "imag", "coherence", "excitation")
+COLUMNS = ("frequency", "magnitude", "phase", "real", "imag", "coherence", "excitation", "sigma")
 _UNITS = {
     "frequency": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / math.pi, "rpm": 1 / 60},
     "phase": {"rad": 1.0, "deg": math.pi / 180},
@@ -40,6 +40,7 @@ _NAMES = {
     "imag": r"im|imag|imaginary|imag part|imaginary part",
     "coherence": r"coh|coherence|gamma2|γ²",
     "excitation": r"excitation|excitation amplitude|input amplitude",
+    "sigma": r"sigma|std|standard deviation",
 }
 _FEW = 6  # quantities at most in a file that has a line for each
 _LARGEST = 1e30
@@ -102,7 +103,7 @@ def from_table(
         if frequency.min() < 0:
             raise DataError(f"frequency is {frequency.min():g} Hz; expected positive numbers")
         notes.append("the point at 0 Hz is left out")
-    extra = {k: raw[k][0][keep] for k in ("coherence", "excitation") if k in raw}
+    extra = {k: raw[k][0][keep] for k in ("coherence", "excitation", "sigma") if k in raw}
     frequency, response = frequency[keep], response[keep]
     if not len(frequency):
         raise DataError("no frequency above 0 Hz")
@@ -111,6 +112,9 @@ def from_table(
         raise DataError(f"the response is 0 at {frequency[zero[0]]:g} Hz; no measurement gives that")
     where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
     values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
+    if "sigma" in values:  # in the unit of the response; what repeats show comes first
+        stated = np.abs(factor * values.pop("sigma"))
+        sigma = stated if sigma is None else sigma
     if amplitude is not None:
         values["excitation"] = np.full(len(where), abs(amplitude))
     how = ", ".join(f"{k} [{u}]" for k, u in found.items())

@@ -169,7 +169,7 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 def floor_residual(
     observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
 ) -> Array:
-    """(m,) residual that `plant` itself would leave on a record like this one; on a frequency response its uncertainty [N m]."""
+    """(m,) residual that `plant` itself would leave on data like these; of a response its uncertainty [N m]."""
     if not isinstance(observation, Observation):
         return observation.floor(rng)
     return sensor_residual(observation, plant, memory, noise, rng) + sampling_residual(observation, plant, memory)

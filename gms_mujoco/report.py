@@ -18,6 +18,7 @@ from .page import (
     table,
     where_it_fails,
 )
+from .page_frf import responses
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def render(diagnosis: Diagnosis) -> str:
         shown = [(names[0], comparisons[0], COLOURS[1])]
         if len(comparisons) > 1:
             shown.append((names[-1], comparisons[-1], COLOURS[2]))
-        parts += [where_it_fails(shown), records(shown)]
+        parts += [*([where_it_fails(shown), records(shown)] if comparisons[0].records else []), responses(shown)]
     parts += [_candidates(facts), parameters(diagnosis.plant, "The final plant"), provenance(diagnosis.plant)]
     return html_page(title, "\n".join(p for p in [*parts, _footer()] if p))
 
@@ -59,7 +60,7 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
     shown = [(name, comparison, COLOURS[1])]
     rows = [
         [escape(r.name), escape(r.use), *map(percent, (r.torque_error, r.noise_floor, r.simulation_error))]
-        for r in comparison.records
+        for r in comparison.rows
     ]
     pooled = (comparison.torque_error, comparison.noise_floor, comparison.simulation_error)
     rows.append(["<b>pooled</b>", "", *(f"<b>{percent(v)}</b>" for v in pooled)])
@@ -73,10 +74,11 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
     verdict = (
         f'<section class="verdict{"" if good else " fails"}"><p><b>{says}</b></p><p>Torque error '
         f"{percent(comparison.torque_error)}; sensor noise alone would leave {percent(comparison.noise_floor)}.</p>"
-        f"<p>{escape(_sentence(comparison.where))}</p></section>"
+        f"{f'<p>{escape(_sentence(comparison.where))}</p>' if comparison.where else ''}</section>"
     )
     parts = [f"<h1>{title}</h1>", verdict, f"<section><h2>Errors</h2>{note}{table(heads, rows, (2, 3, 4))}</section>"]
-    parts += [where_it_fails(shown), records(shown), parameters(comparison.plant, "The plant")]
+    parts += [where_it_fails(shown), records(shown)] if comparison.records else []
+    parts += [responses(shown), parameters(comparison.plant, "The plant")]
     parts += [provenance(comparison.plant), _footer()]
     return html_page(title, "\n".join(p for p in parts if p))
 

@@ -17,6 +17,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from . import files
+from .compare_frf import decibel, degrees
 from .errors import DataError, GmsError
 from .figure import spread, thin, worst_stretch
 from .page import worst_first
@@ -42,7 +43,8 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
     """Writes the recording of a diagnosis.
 
     Entities: `verdict` (text), `errors` (bars), and for each validate record `records/NAME/torque/...`,
-    `residual/...` (in time), `loop`, `over_position`, `over_velocity` (drawn).
+    `residual/...` (in time), `loop`, `over_position`, `over_velocity` (drawn); for each frequency response
+    `responses/NAME/magnitude`, `phase` and their errors.
 
     Raises:
         GmsError: the folder does not exist or cannot be written.
@@ -55,6 +57,8 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
         _errors(stream, table, names)
         order = worst_first(diagnosis.comparisons[0]) if diagnosis.comparisons else []
         tabs = [_record(stream, diagnosis, names, i) for i in order]
+        responses = diagnosis.comparisons[0].frfs if diagnosis.comparisons else ()
+        tabs += [_response(stream, diagnosis, names, i) for i in range(len(responses))]
         bounds = rrb.VisualBounds2D(x_range=[-0.2, _BOX[0] + 0.2], y_range=[-0.2, max(0.3 * len(names) + 0.2, 0.8)])
         overview = rrb.Horizontal(
             rrb.TextDocumentView(origin="verdict", name="verdict"),
@@ -224,6 +228,24 @@ def _record(stream: rr.RecordingStream, diagnosis: Diagnosis, names: list[str], 
         column_shares=[5, 3],
         name=first.name,
     )
+
+
+def _response(stream: rr.RecordingStream, diagnosis: Diagnosis, names: list[str], i: int) -> rrb.Container:
+    """Logs one frequency response under the first and the last model and returns the tab that shows it."""
+    steps = [c.frfs[i] for c in diagnosis.comparisons]
+    first = steps[0]
+    root = f"responses/{_part(first.name)}"
+    shown = [(names[0], steps[0], _colour(0, 2))] + ([(names[-1], steps[-1], _colour(1, 2))] if len(steps) > 1 else [])
+    x = np.log10(first.frequency)
+    frame = rrb.VisualBounds2D(x_range=[-0.1, _BOX[0] + 0.1], y_range=[-0.2, _BOX[1] + 0.2])
+    views = []
+    for part, unit, of in (("magnitude", "dB", decibel), ("phase", "deg", degrees)):
+        curves = [*((n, of(r.model), c) for n, r, c in shown), ("measured", of(first.response), _MEASURED)]
+        left = [(n, r.magnitude_error if unit == "dB" else r.phase_error, c) for n, r, c in shown]
+        for entity, drawn, what in ((part, curves, part), (f"{part}_error", left, f"measured - model, {part}")):
+            _drawing(stream, f"{root}/{entity}", x, drawn, "log10 of the frequency [Hz]", f"{what} [{unit}]", True)
+            views.append(rrb.Spatial2DView(origin=f"{root}/{entity}", name=f"{what} [{unit}]", visual_bounds=frame))
+    return rrb.Horizontal(rrb.Vertical(*views[::2]), rrb.Vertical(*views[1::2]), name=first.name)
 
 
 def _series(

@@ -23,7 +23,7 @@ LAYERS = [
     {"dataset"},
     {"screen", "remainder", "goals"},
     {"diagnose"},
-    {"page"},
+    {"page", "page_frf"},
     {"demo", "report"},
     {"env", "vector_env", "control", "view"},
     {"learn"},

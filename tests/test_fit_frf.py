@@ -1,0 +1,148 @@
+"""Frequency responses, alone and beside records, through fit, compare and diagnose."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench import run
+
+import gms_mujoco as gms
+from gms_mujoco import cli, effects
+from gms_mujoco.dahl_resonance import identify_dahl, virgin_curve
+from gms_mujoco.dataset import Dataset, load
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.errors import DataError
+from gms_mujoco.fit import fit
+from gms_mujoco.frf import FRF, to_csv
+from gms_mujoco.frf_observation import FrfObservation
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
+from gms_mujoco.simulate import multisine
+from gms_mujoco.sweep import stepped_sine
+
+J, LEVEL, COUNT = 2.4e-5, 4.5e-3, 2 * np.pi / 1e6
+GMS = effects.GMS(
+    stiffness=[1.2, 0.3, 0.12], fraction=[0.25, 0.35, 0.4], coulomb=LEVEL, static=1.2 * LEVEL, stribeck_velocity=0.6,
+    attraction=0.4,
+)  # fmt: skip
+AXIS = Plant.axis(J) + GMS + effects.Viscous(coefficient=4e-5)
+UNKNOWN = Plant.axis() + effects.GMS(elements=3) + effects.Viscous()
+
+
+def sweep(plant: Plant, levels: int = 7, points: int = 14, **bench: object) -> list[FRF]:
+    """Stepped sines in the time domain at 2 kHz, from pre-sliding to turning."""
+    out = []
+    for i, torque in enumerate(np.geomspace(0.08, 3, levels) * LEVEL):
+        grid = np.geomspace(9, 350, points)
+        good = {"resolution": COUNT, "torque_noise": 2e-5, "seed": 100 * i, **bench}
+        out.append(stepped_sine(plant, grid, torque, held="torque", **good))  # type: ignore[arg-type]
+    return [replace(f, use="validate" if i in (2, 4) else "fit") for i, f in enumerate(out)]
+
+
+@pytest.fixture(scope="module")
+def healthy() -> list[FRF]:
+    return sweep(AXIS)
+
+
+@pytest.fixture(scope="module")
+def fitted(healthy: list[FRF]) -> gms.FitResult:
+    return fit(UNKNOWN, [f for f in healthy if f.use == "fit"])
+
+
+def curve(plant: Plant, x: np.ndarray) -> np.ndarray:
+    gms_ = plant["gms"]
+    k = np.array(gms_.stiffness)
+    return virgin_curve(k, np.array(gms_.fraction) * gms_.static / k, x)
+
+
+def test_every_parameter_comes_back_from_responses_alone(fitted: gms.FitResult) -> None:
+    """Inertia, the Stribeck curve and its lag too, which no describing function of Maxwell-slip knows."""
+    found = fitted.plant
+    truth = {"inertia": J, "gms.coulomb": LEVEL, "gms.static": 1.2 * LEVEL, "viscous.coefficient": 4e-5}
+    for name, value in truth.items():
+        assert found.numbers()[name][0] == pytest.approx(value, rel=0.1 if "viscous" in name else 0.02), name
+        assert name in found.uncertainty
+    assert found.inertia == pytest.approx(J, rel=2e-3) and not found.inertia_known
+    assert found["gms"].stribeck_velocity == pytest.approx(0.6, rel=0.15)
+    assert fitted.error < 1.2 * fitted.floor < 0.02
+
+
+def test_the_virgin_curve_is_right_where_the_reading_ignores_stribeck(
+    fitted: gms.FitResult, healthy: list[FRF]
+) -> None:
+    x = np.linspace(0, 0.02, 200)[1:]
+    true = curve(AXIS, x)
+
+    def error(y: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((y - true) ** 2) / np.mean(true**2)))
+
+    assert error(curve(fitted.plant, x)) < 0.02 < 0.08 < error(identify_dahl(healthy).virgin_curve(x))
+
+
+def test_the_plant_gives_back_responses_it_was_not_fitted_to(fitted: gms.FitResult, healthy: list[FRF]) -> None:
+    found = gms.compare(fitted.plant, [f for f in healthy if f.use == "validate"])
+    assert found.records == () and len(found.frfs) == 2
+    assert found.torque_error < 1.5 * found.noise_floor and found.simulation_error < 0.05
+    for r in found.frfs:
+        assert np.median(np.abs(r.magnitude_error)) < 0.1 and np.median(np.abs(r.phase_error)) < 0.5
+        if r.resonance and r.model_resonance:
+            assert r.model_resonance.frequency == pytest.approx(r.resonance.frequency, rel=0.02)
+    assert "resonance [Hz]" in str(found)
+    assert json.loads(json.dumps(found.to_dict()))["frfs"][0]["name"] == found.frfs[0].name
+
+
+def test_compare_shows_a_delay_in_the_phase(fitted: gms.FitResult) -> None:
+    late = stepped_sine(AXIS + effects.Delay(time=5e-4), [50.0, 100.0, 200.0], 4e-3, held="torque")
+    phase = gms.compare(fitted.plant, [late]).frfs[0].phase_error
+    assert np.allclose(phase, [-9, -18, -36], atol=3)
+
+
+def test_records_and_responses_are_one_fit(healthy: list[FRF]) -> None:
+    rng = np.random.default_rng(1)
+    records = [run(AXIS, multisine(3000, 1e-3, 0.5, 40, 3 * LEVEL, rng), 1)]
+    data = [*healthy[:3], *records, *healthy[3:]]
+    seen = observe(data, J)
+    assert [isinstance(o, FrfObservation) for o in seen] == [False] + [True] * 7
+    misfit = Misfit(AXIS, seen)
+    assert misfit.n_memory == 3 and misfit.size == misfit.coordinates.size + 1 + 3  # states of the record alone
+    found = fit(UNKNOWN, data)
+    assert found.plant.inertia == pytest.approx(J, rel=3e-3)
+    assert found.error < 1.4 * found.floor
+    assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.02)
+
+
+def test_a_response_that_cannot_be_used_is_left_out_beside_others_and_refused_alone(healthy: list[FRF]) -> None:
+    blind = FRF("blind", np.array([1.0, 2.0]), np.array([1.0, 0.5]))
+    assert len(observe([*healthy, blind])) == len(healthy)
+    with pytest.raises(DataError, match="amplitude of the excitation is not known"):
+        fit(UNKNOWN, [blind])
+
+
+def test_a_healthy_axis_is_adequate(healthy: list[FRF]) -> None:
+    found = diagnose(Dataset(Path(), (), "hinge", J, frfs=tuple(healthy)), UNKNOWN)
+    assert found.verdict == "adequate" and found.steps[-1].validate_error is not None
+
+
+def test_a_hidden_delay_is_named_through_files_and_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frfs = sweep(AXIS + effects.Delay(time=6e-4), levels=5, points=10)
+    text = f"[axis]\ninertia = {J}\n"
+    for i, f in enumerate(frfs):
+        (tmp_path / f"level_{i}.csv").write_text(to_csv([f]))
+        text += f'[[frf]]\nfile = "level_{i}.csv"\ninput = "torque"\noutput = "position"\n'
+    (tmp_path / "dataset.toml").write_text(text)
+    runs = load(tmp_path)
+    assert [f.use for f in runs.frfs] == ["fit", "validate", "fit", "fit", "fit"] and "every third" in runs.split
+    assert cli.main(["diagnose", str(tmp_path), "-o", str(tmp_path / "out")]) == 0
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert said["steps"][1]["effect"] == "delay"
+    low, high = said["steps"][1]["parameters"]["delay.time"]["ci95"]
+    assert low < 6e-4 < high
+    assert "Frequency responses" in (tmp_path / "out" / "report.html").read_text()
+    assert (tmp_path / "out" / "recording.rrd").stat().st_size > 1000
+    assert cli.main(["compare", str(tmp_path / "out" / "model.toml"), str(tmp_path)]) == 0
+    assert "damping ratio" in capsys.readouterr().out
