@@ -16,13 +16,13 @@ import gymnasium as gym
 import numpy as np
 
 from gms_mujoco import control
-from gms_mujoco.axis import plant_of
+from gms_mujoco.plant import Plant
 
-PLANT = plant_of("servo_axis")
+PLANT = Plant.load("servo_axis")
 H = 1 / 2000  # s
 BANDWIDTH = 50.0  # of the PID [Hz]
 STEPS = 1500  # samples of an episode
-Make = Callable[[Any], control.Controller]
+Make = Callable[[Any, int], control.Controller]  # from the axes and which of them
 
 
 def pid() -> control.Controller:
@@ -40,34 +40,26 @@ def coulomb_viscous() -> control.Controller:
 
 
 CONTROLLERS: dict[str, Make] = {
-    "PID": lambda env: pid(),
-    "PID + feedforward": lambda env: plain(),
-    "PID + Coulomb-viscous feedforward": lambda env: coulomb_viscous(),
-    "PID + disturbance observer": lambda env: plain() + control.DisturbanceObserver(PLANT.inertia, H),
-    "PID + GMS feedforward": lambda env: plain() + control.GMSFeedforward(PLANT, H),
-    "PID + GMS observer": lambda env: plain() + control.GMSObserver(PLANT, H),
-    "PID + GMS and disturbance observers": lambda env: (
+    "PID": lambda axes, k: pid(),
+    "PID + feedforward": lambda axes, k: plain(),
+    "PID + Coulomb-viscous feedforward": lambda axes, k: coulomb_viscous(),
+    "PID + disturbance observer": lambda axes, k: plain() + control.DisturbanceObserver(PLANT.inertia, H),
+    "PID + GMS feedforward": lambda axes, k: plain() + control.GMSFeedforward(PLANT, H),
+    "PID + GMS observer": lambda axes, k: plain() + control.GMSObserver(PLANT, H),
+    "PID + GMS and disturbance observers": lambda axes, k: (
         plain() + control.DisturbanceObserver(PLANT.inertia, H, known=control.GMSObserver(PLANT, H))
     ),
-    "oracle": lambda env: plain() + control.Oracle(lambda: env.unwrapped.friction),
+    "oracle": lambda axes, k: plain() + control.Oracle(lambda: axes.friction(k)),
 }
 
 
 def errors(make: Make, task: str, spread: float, seeds: int, steps: int = STEPS) -> np.ndarray:
     """(seeds,) rms of the true tracking error of an episode each [rad]."""
-    env = gym.make("GmsMujoco/ServoTracking-v0", plant=PLANT, tasks=[task], spread=spread, episode_steps=steps)
-    limit = env.unwrapped.axes.torque_limit
-    found = []
-    for seed in range(seeds):
-        observation, _ = env.reset(seed=seed)
-        controller, squares, done = make(env), [], False
-        while not done:
-            torque = controller(observation)
-            observation, _, ended, truncated, info = env.step(np.array([torque / limit]))
-            squares.append(info["error"] ** 2)
-            done = ended or truncated
-        found.append(np.sqrt(np.mean(squares)) if truncated else np.inf)
-    return np.array(found)
+    envs = gym.make_vec(
+        "GmsMujoco/ServoTracking-v0", num_envs=seeds, plant=PLANT, tasks=[task], spread=spread, episode_steps=steps
+    )
+    axes = envs.unwrapped.axes
+    return control.follow(envs, lambda k: make(axes, k), seed=0).rms()
 
 
 def main() -> None:

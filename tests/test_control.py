@@ -45,6 +45,7 @@ def test_controllers_add():
     both = control.Feedforward(2.0) + control.CoulombFeedforward(3.0, 1e-9)
     assert both(observation(acceleration=5.0, velocity=1.0)) == 13.0
     assert control.Feedforward(2.0, 0.5)(observation(velocity=4.0)) == 2.0
+    assert (0.5 * both)(observation(acceleration=5.0, velocity=1.0)) == 6.5
 
 
 def test_pid_has_its_three_poles_at_the_bandwidth():

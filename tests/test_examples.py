@@ -10,6 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
 import arm_friction
+import compensated_axis
 import free_response
 import transfer
 
@@ -37,3 +38,15 @@ def test_friction_is_carried_into_another_model(capsys):
     transfer.main()
     said = re.search(r"within ([\d.]+) %", capsys.readouterr().out)
     assert said and float(said[1]) < 2.0
+
+
+def test_compensated_the_axis_is_a_bare_inertia_without_dahl_resonance():
+    from gms_mujoco.control import GMSObserver
+
+    axis = compensated_axis
+    plain, compensated = (
+        axis.axis_frf(make, 0.15) for make in (axis.Nothing, lambda: GMSObserver(axis.PLANT, axis.H))
+    )
+    height, at = axis.resonance(plain)
+    assert height > 3 and 20 < at < 45 and axis.off_the_mass_line(plain) > 6
+    assert axis.resonance(compensated)[0] == 0 and axis.off_the_mass_line(compensated) < 1

@@ -11,7 +11,7 @@ POSITION, REFERENCE, VELOCITY, ACCELERATION, AHEAD, ERROR, SPEED, TORQUE = range
 
 
 class Controller:
-    """A torque [N m] from an observation; `+` adds the torques of two."""
+    """A torque [N m] from an observation; `+` adds the torques of two, `0.9 * controller` commands a part of it."""
 
     def __call__(self, observation: Array) -> float:
         """Torque to hold until the next sample [N m].
@@ -24,6 +24,9 @@ class Controller:
     def __add__(self, other: Controller) -> Controller:
         return _Sum(self, other)
 
+    def __rmul__(self, share: float) -> Controller:
+        return _Share(float(share), self)
+
 
 class _Sum(Controller):
     def __init__(self, *parts: Controller) -> None:
@@ -31,3 +34,11 @@ class _Sum(Controller):
 
     def __call__(self, observation: Array) -> float:
         return sum(part(observation) for part in self.parts)
+
+
+class _Share(Controller):
+    def __init__(self, share: float, whole: Controller) -> None:
+        self.share, self.whole = share, whole
+
+    def __call__(self, observation: Array) -> float:
+        return self.share * self.whole(observation)
