@@ -34,9 +34,15 @@ class Tracking:
 
     def observe(self) -> Array:
         x = self.axes
-        r, ahead = x.now(), x.now(1)
-        columns = (x.reading, *r.T, ahead[:, 0], r[:, 0] - x.reading, x.velocity(), x.torque)
-        return np.clip(np.stack(columns, axis=1), -self.bounds, self.bounds)
+        r = x.now()
+        out = np.empty((x.n, 8))
+        out[:, 0] = x.reading
+        out[:, 1:4] = r
+        out[:, 4] = x.now(1)[:, 0]
+        np.subtract(r[:, 0], x.reading, out=out[:, 5])
+        out[:, 6] = x.velocity()
+        out[:, 7] = x.torque
+        return np.minimum(np.maximum(out, -self.bounds, out=out), self.bounds, out=out)
 
     def judge(self) -> tuple[Array, NDArray[np.bool_]]:
         error = np.abs(self._error())

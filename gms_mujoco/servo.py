@@ -25,7 +25,7 @@ from .tasks import TASKS, Episode, at_rest, check_tasks, draw, scale_of
 Array = NDArray[np.float64]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with plugin_state, the forces of the elements
-_WORTH_THREADS = 8  # axes: fewer step faster on one thread than others wake up
+_WORTH_THREADS = 32  # axes: fewer step faster on one thread than others wake up
 
 
 class Axes:
@@ -100,6 +100,7 @@ class Axes:
         self.start = np.zeros(n)
         self.reference = np.zeros((n, episode_steps + 2, 3))
         self._rows = np.arange(n)
+        self._now: dict[int, Array] = {}  # what `now` has found since the last step
         self._probes: dict[int, tuple[mujoco.MjModel, mujoco.MjData]] = {}
 
     def _build(self, plant: Plant) -> mujoco.MjModel:
@@ -134,6 +135,7 @@ class Axes:
         self.position[rows] = self.start[rows]
         self.torque[rows] = 0.0
         self.step_number[rows] = 0
+        self._now.clear()
 
     def exchange(self, i: int, plant: Plant) -> None:
         """Begins the episode of axis i anew with another plant: the same reference, another friction.
@@ -148,10 +150,12 @@ class Axes:
         readings = self._begin([i], [replace(episode, plant=plant, memory=memory)])
         self.reading[i] = self.last_reading[i] = readings[0]
         self.position[i], self.torque[i], self.step_number[i] = self.start[i], 0.0, 0
+        self._now.clear()
 
     def _begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> Array:
         """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it."""
         rows = list(rows)
+        self._now.clear()
         before = list(self.models)  # kept until the batch has seen the new ones: addresses tell models apart
         for i, episode in zip(rows, episodes, strict=True):
             self.episodes[i] = episode
@@ -192,6 +196,7 @@ class Axes:
         self.position[:] = self._qpos
         self.torque[:] = torque
         self.step_number += 1
+        self._now.clear()
         self.last_reading[:] = self.reading
         self.reading[:] = self._encoder(self.step_number * self.sample_time, self.position)
 
@@ -200,8 +205,10 @@ class Axes:
         return (self.reading - self.last_reading) / self.sample_time
 
     def now(self, ahead: int = 0) -> Array:
-        """(n, 3) reference at this sample, or `ahead` later."""
-        return self.reference[self._rows, np.minimum(self.step_number, self.episode_steps) + ahead]
+        """(n, 3) reference at this sample, or `ahead` later; not to be changed."""
+        if ahead not in self._now:
+            self._now[ahead] = self.reference[self._rows, np.minimum(self.step_number, self.episode_steps) + ahead]
+        return self._now[ahead]
 
     def friction(self, i: int = 0) -> float:
         """True torque of the effects on axis i at this instant [N m]: what an oracle knows."""
@@ -229,3 +236,4 @@ class Axes:
         self.batch.state[i] = state["mujoco"]
         for k in self._FIELDS:
             getattr(self, k)[i] = state[k]
+        self._now.clear()

@@ -60,6 +60,8 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._random: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, bool)
+        self._all = np.ones(num_envs, bool)
+        self._all.flags.writeable = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -95,7 +97,7 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
     ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Holds the torques for one sample; (num_envs, 1) actions."""
         fresh = self._ended
-        starting: list[int] = np.flatnonzero(fresh).tolist()
+        starting: list[int] = np.flatnonzero(fresh).tolist() if fresh.any() else []
         self.axes.step(np.reshape(actions, self.num_envs), fresh if starting else None)
         reward, terminated = self.task.judge()
         truncated = self.axes.step_number >= self.axes.episode_steps
@@ -118,7 +120,7 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
 
     def _info(self) -> dict[str, Any]:
         infos: dict[str, Any] = dict(self.task.info())
-        return infos | {f"_{k}": np.ones(self.num_envs, bool) for k in infos}
+        return infos | {f"_{k}": self._all for k in infos}
 
     def get_state(self) -> dict[str, Any]:
         """The exact state of all axes."""
