@@ -232,7 +232,7 @@ def train(
         errors = _rms(envs, Residual(sizes, weights, bandwidth), seed=seeds.tolist()).reshape(-1, episodes)
         score = np.log(errors[1:] / errors[0]).mean(axis=1)  # over the PID, which has no weights
         best = candidates[1:][np.argsort(score)[:n_elite]]
-        mean, deviation = best.mean(axis=0), 0.2 * deviation + 0.8 * best.std(axis=0) + 0.02
+        mean, deviation = best.mean(axis=0), 0.2 * deviation + 0.8 * best.std(axis=0) + 0.02 * math.exp(-k / 6)
         curve.append([math.exp(score[0] if k else float(np.median(score))), math.exp(score.min())])
         if progress is not None:
             progress((k + 1) / (generations + 1), f"error {1 / curve[-1][1]:.2f} times below the PID")

@@ -74,7 +74,7 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
 
 
 def write_training(path: str | Path, training: Training) -> None:
-    """Writes the recording of a training: `curve/...` over generations, `test/position/...`, `test/error/...` in time.
+    """Writes the recording of a training: `curve/...` drawn over generations, `test/position/...`, `test/error/...`.
 
     Raises:
         GmsError: the folder does not exist or cannot be written.
@@ -82,16 +82,17 @@ def write_training(path: str | Path, training: Training) -> None:
     with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
         stream.save(temporary)
         stream.log("summary", rr.TextDocument(str(training)), static=True)
-        for name, column, colour in (("mean", 0, _STEPS[0]), ("best", 1, _STEPS[-1])):
-            stream.log(f"curve/{name}", rr.SeriesLines(colors=[colour], names=[name]), static=True)
-            at = rr.TimeColumn("generation", sequence=range(1, len(training.curve) + 1))
-            stream.send_columns(f"curve/{name}", [at], rr.Scalars.columns(scalars=training.curve[:, column]))
+        below = -np.log10(training.curve)
+        curves = [("mean candidate", below[:, 0], _STEPS[0]), ("best candidate", below[:, 1], _STEPS[-1])]
+        at = np.arange(1.0, len(below) + 1)
+        _drawing(stream, "curve", at, curves, "generation", "log10 of PID error over that of the candidate", True)
         reference, *others = training.traces
         _series(stream, "test/position/reference", "reference", training.time, reference, _GREY)
         for name, value, colour in zip(("PID", "policy"), others, (_STEPS[0], _STEPS[-1]), strict=True):
             _series(stream, f"test/position/{name}", name, training.time, value, colour)
             _series(stream, f"test/error/{name}", name, training.time, reference - value, colour)
-        curve = rrb.TimeSeriesView(origin="curve", name="error over that of the PID, per generation")
+        frame = rrb.VisualBounds2D(x_range=[-0.1, _BOX[0] + 0.1], y_range=[-0.2, _BOX[1] + 0.2])
+        curve = rrb.Spatial2DView(origin="curve", name="red: mean, green: best candidate", visual_bounds=frame)
         runs = rrb.Vertical(
             rrb.TimeSeriesView(origin="test/position", name="first test episode, position"),
             rrb.TimeSeriesView(origin="test/error", name="tracking error"),

@@ -36,10 +36,15 @@ def play(env, moves):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_check_env_has_nothing_to_say(id):
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"plant": "arm_joint", "model": ARM, "joint": "elbow"}, {"memory": "random", "split": "held_out_friction"}],
+    ids=["axis", "joint of a model", "history"],
+)
+def test_check_env_has_nothing_to_say(id, options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = gym.make(id)
+        env = gym.make(id, **options)
         check_env(env.unwrapped, skip_render_check=True)
         env.close()
 
