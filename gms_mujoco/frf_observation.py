@@ -26,6 +26,7 @@ from scipy import ndimage
 
 from .errors import DataError
 from .frf import FRF, join_sines
+from .grid import Grid
 from .harmonics import SAMPLES, balance, fundamental, motion, velocity
 from .inverse import Observation
 from .plant import Plant
@@ -192,11 +193,14 @@ class FrfObservation:
         position, rate, _ = self._read(plant)
         return fundamental(plant.joint().cycle(1 / self.frf.frequency, position, rate))
 
-    def replay(self, plant: Plant, memory: Array | None = None, parts: int = 1) -> Array:
+    def grid(self, plant: Plant, memory: Array | None = None) -> None:
+        """None: a motion in closed form has no samples."""
+
+    def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(2 n,) rows of the torque of the effects along the motion."""
         return self._rows(self.effects_torque(plant))
 
-    def needed(self, plant: Plant, memory: Array | None = None) -> Array:
+    def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(2 n,) rows of the torque that the plant needs along the motion."""
         return self._rows(self.needed_torque(plant))
 

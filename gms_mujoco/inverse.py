@@ -6,8 +6,9 @@ J q'' = u + f twice over two neighbouring samples gives, exactly and without any
     J (q[k+1] - 2 q[k] + q[k-1]) / h^2 = (u[k-1] + u[k]) / 2 + (w * f)[k],
 
 with the triangular weight w of half width h on the torque f of the effects (1/6, 4/6, 1/6 on samples of a
-piecewise linear f). A model that ignores this sees a delay of half a sample in every healthy axis. Both sides
-then pass the same zero-phase low-pass, which sets the bandwidth in which model and measurement are compared.
+piecewise linear f). A model that ignores this sees a delay of half a sample in every healthy axis. Where an element
+slips or the motion reverses between two samples, f bends there, and is followed on a finer grid. Both sides then
+pass the same zero-phase low-pass, which sets the bandwidth in which model and measurement are compared.
 """
 
 from __future__ import annotations
@@ -17,16 +18,23 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, signal
+from scipy import interpolate, optimize, signal
 
+from . import native
 from .effect import Effect
+from .grid import Grid
 from .plant import Plant
 from .record import Record
 
 Array = NDArray[np.float64]
 
 
-_FINE = 4  # parts of a sample
+_FINE = 4  # parts of a sample in which the drive's torque is followed
+_STRAIGHT = 1e-3  # of the torque: bends between samples that do more are followed
+_BINS = 25  # of a spectrum's frequencies, whose median is taken
+_CLEAR = 4  # times the noise, above which a spectrum is the motion's
+_RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
+_WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
 
 def held_mean(u: Array) -> Array:
@@ -57,11 +65,13 @@ class Observation:
     Attributes:
         record: the run.
         bandwidth: -6 dB frequency of the low-pass [Hz].
+        cutoff: frequency up to which the position is kept as it is, being more motion than noise of the encoder [Hz];
+            0: found from its spectrum.
     """
 
     record: Record
     bandwidth: float
-    smoothing: float = 2.0
+    cutoff: float = 0.0
 
     has_memory = True  # what went before the first sample still acts
     skews = True  # nobody says that torque and position were read on one clock
@@ -122,7 +132,7 @@ class Observation:
     def opening(self, duration: float) -> Observation:
         """The same observation of the first part of the record [s]."""
         n = max(int(duration / self.record.sample_time), 8 * self._half)
-        return self if n >= len(self.record) else replace(self, record=self.record.slice(0, n))
+        return self if n >= len(self.record) else replace(self, record=self.record.slice(0, n), cutoff=self._cutoff)
 
     def settled(self, plant: Plant) -> Observation:
         """Itself: nothing about it depends on a plant."""
@@ -131,7 +141,7 @@ class Observation:
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""
         signals = {**self.record.signals, "position": position}
-        return replace(self, record=replace(self.record, signals=signals))
+        return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff)
 
     def seen_by(self, plant: Plant) -> Observation:
         """The same observation of where the joint was, given the plant's sensor effects; itself where it has none."""
@@ -168,14 +178,41 @@ class Observation:
     @cached_property
     def velocity(self) -> Array:
         """(n,) velocity of the smoothed position [rad/s]."""
-        return np.gradient(self.position, self.record.sample_time)
+        return np.asarray(interpolate.CubicSpline(self.record.time, self.position)(self.record.time, 1))
+
+    @cached_property
+    def _cutoff(self) -> float:
+        if self.cutoff:
+            return self.cutoff
+        least = 1.5 * self.bandwidth
+        h = self.record.sample_time
+        a = second_difference(self.record.position, h)[1:-1]
+        segment = min(1024, len(a) // 4)
+        if segment < 8 * _BINS:
+            return least
+        f, density = signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
+        f, density = f[1:-1], signal.medfilt(density, _BINS)[1:-1]
+        # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
+        noise = 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
+        high = (f > 0.25 / h) & (density > 0)
+        variance = 0.0
+        if high.any():
+            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
+            scale = shapes.max(0)
+            variance = float(optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
+        variance = max(variance, (self.record.resolution or 0.0) ** 2 / 12)
+        said = np.flatnonzero(density > _CLEAR * variance * noise)
+        return max(float(f[said[-1]]) if len(said) else 0.0, least)
 
     def _smooth(self, x: Array) -> Array:
-        rate = 1 / self.record.sample_time
-        cutoff = min(self.smoothing * self.bandwidth, 0.49 * rate)
-        half = min(max(int(np.ceil(3.3 * rate / cutoff)), 2), len(x) // 4)
+        edge = 1.25 * self._cutoff * self.record.sample_time  # of the samples
+        if edge > _WHOLE:
+            return x
+        # A ripple in the passband would shorten every stroke, and make springs look stiffer.
+        length, beta = signal.kaiserord(_RIPPLE, 0.8 * edge)
+        half = min(max(length // 2, 2), len(x) // 4)
         head, tail = 2 * x[0] - x[half:0:-1], 2 * x[-1] - x[-2 : -half - 2 : -1]
-        kernel = signal.firwin(2 * half + 1, cutoff, fs=rate)
+        kernel = signal.firwin(2 * half + 1, edge, window=("kaiser", beta), fs=1.0)
         return signal.oaconvolve(np.concatenate([head, x, tail]), kernel, "valid")
 
     @cached_property
@@ -220,30 +257,33 @@ class Observation:
     def _commanded(self) -> Array:
         return self.band(held_mean(self.record.torque))
 
-    def replay(self, plant: Plant, memory: Array | None = None, parts: int = 1) -> Array:
-        """(m,) band-limited torque of the effects along the motion, less what a robot's rigid bodies take [N m].
+    def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
+        """(m,) band-limited torque of the effects along the motion, between the samples too, less what a robot's rigid
+        bodies take [N m].
 
         Args:
             memory: state before the first sample, see `native.Joint.replay`.
-            parts: of a sample, between which the torque is taken to vary linearly.
+            grid: the instants to look at; None: those that this plant needs.
         """
-        r, seen = self.record, self.seen_by(plant)
-        load, temperature = r.get("load"), r.get("temperature")
-        joint = plant.joint()
-        if parts == 1:
-            torque = joint.replay(r.time, seen.position, seen.velocity, load, temperature, memory).torque
-            return self.band(smooth_mean(torque)) - self.rigid
-        time = np.linspace(r.time[0], r.time[-1], parts * (len(r) - 1) + 1)
-        motion = interpolate.CubicHermiteSpline(r.time, seen.position, seen.velocity)
-        load, temperature = (
-            None if x is None else np.append(np.repeat(x[:-1], parts), x[-1]) for x in (load, temperature)
-        )
-        torque = joint.replay(time, motion(time), motion(time, 1), load, temperature, memory).torque
-        mean = torque[::parts].copy()
-        weight = 1 - np.abs(np.arange(1 - parts, parts)) / parts
-        mean[1:-1] = np.convolve(torque, weight / parts, "valid")[1 :: parts][: len(mean) - 2]
-        return self.band(mean) - self.rigid
+        r, seen, joint = self.record, self.seen_by(plant), plant.joint()
+        if grid is None:
+            return self.band(seen._mean(joint, memory)[0]) - self.rigid
+        return self.band(grid.mean(grid.path(r, seen.position, seen.velocity).torque(joint, memory))) - self.rigid
 
-    def needed(self, plant: Plant, memory: Array | None = None) -> Array:
-        """(m,) band-limited torque that the plant needs along the motion [N m]."""
-        return plant.driven_inertia * self.seen_by(plant).acceleration - self.replay(plant, memory)
+    def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> Grid:
+        """The instants that the torque of this plant needs, or with `finer` for so much less of an error."""
+        return Grid(self.seen_by(plant)._mean(plant.joint(), memory, finer)[1])
+
+    def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
+        r = self.record
+        tolerance = _STRAIGHT * self._torque / finer
+        signals = r.get("load"), r.get("temperature")
+        return joint.mean(r.time, self.position, self.velocity, *signals, memory, tolerance)
+
+    @cached_property
+    def _torque(self) -> float:
+        return float(np.sqrt(np.mean(self.record.torque**2)))
+
+    def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
+        """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""
+        return plant.driven_inertia * self.seen_by(plant).acceleration - self.replay(plant, memory, grid)

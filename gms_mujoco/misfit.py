@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .coordinates import Coordinates
 from .frf_observation import Seen
+from .grid import Grid
 from .plant import Plant
 from .scales import Scales
 from .starts import visible_limits
@@ -18,8 +19,8 @@ from .starts import visible_limits
 Array = NDArray[np.float64]
 
 
-# Of the derivatives. A reversal that a smaller step moves across a sample would make them huge and meaningless.
-_STEP = 1e-4
+_STEP = 1e-3  # of the derivatives
+_SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
@@ -124,9 +125,9 @@ class Misfit:
                         memory[k] = kept
         return x
 
-    def _one(self, plant: Plant, i: int, x: Array) -> Array:
+    def _one(self, plant: Plant, i: int, x: Array, grid: Grid | None = None) -> Array:
         o = self.observations[i]
-        return o.applied(plant, self.skew(x)) - o.needed(plant, self.memory(x, i))
+        return o.applied(plant, self.skew(x)) - o.needed(plant, self.memory(x, i), grid)
 
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
@@ -145,23 +146,29 @@ class Misfit:
         starts = np.append(0, self.splits)
         out = np.zeros((len(base), self.size))
         scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
-        upper = self.bounds[1]
+        lower, upper = self.bounds
         plant = self.coordinates.decode(x[:n])
+        grids = [o.grid(plant, self.memory(x, i)) for i, o in enumerate(self.observations)]
+
+        def difference(column: int, step: float, i: int) -> Array:
+            moved = x.copy()
+            moved[column] += step
+            there = self.coordinates.decode(moved[:n]) if column < n else plant
+            return (self._one(there, i, moved, grids[i]) - parts[i]) / (moved[column] - x[column])
 
         for column in range(self.size) if columns is None else columns:
             common = column < self.n_common
             step = _STEP * (scale[column] if column < n else self._shortest if common else 1.0)
-            if x[column] + step > upper[column]:
-                step = -step
-            moved = x.copy()
-            moved[column] += step
-            step = moved[column] - x[column]
+            step = step if x[column] + step <= upper[column] else -step
             # A state before the first sample concerns one observation; a parameter concerns all.
-            where = range(len(parts)) if common else [self._owner(column - self.n_common)]
-            there = self.coordinates.decode(moved[:n]) if column < n else plant
-            for i in where:
-                rows = slice(starts[i], starts[i] + len(parts[i]))
-                out[rows, column] = (self._one(there, i, moved) - parts[i]) / step
+            for i in range(len(parts)) if common else [self._owner(column - self.n_common)]:
+                slope = difference(column, step, i)
+                # Now and then an element just slips or just does not, and takes another way from there. Such a jump is
+                # on one side only.
+                within = lower[column] <= x[column] - step <= upper[column]
+                if column < n and within and np.abs(slope).max() > _SPIKE * np.sqrt(np.mean(slope**2)):
+                    slope = _lesser(slope, difference(column, -step, i))
+                out[starts[i] : starts[i] + len(parts[i]), column] = slope
         return out
 
     def _owner(self, state: int) -> int:
@@ -193,3 +200,8 @@ class Misfit:
 def squared(r: Array) -> float:
     """r @ r."""
     return float(r @ r)
+
+
+def _lesser(a: Array, b: Array) -> Array:
+    """The one nearer to zero, zero where their signs differ."""
+    return np.where(a * b > 0, np.where(np.abs(a) < np.abs(b), a, b), 0.0)

@@ -20,7 +20,9 @@ _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little 
 _QUIETER = 0.25  # quantile over the records
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
-_PARTS = 8  # of a sample, between which torques are taken as straight
+_SHIFTS = 4  # places of the encoder's counts
+_FINER = 20.0  # than the instants that a replay takes
+_TURN = 0.05  # s, for which each of them holds
 _NEGLIGIBLE = 0.01  # of the torque
 
 
@@ -178,25 +180,29 @@ def floor_residual(
 def sensor_residual(
     observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
 ) -> Array:
-    """(m,) part of `floor_residual` that is drawn: the noise of the sensors [N m].
+    """(m,) residual that the noise of the sensors alone leaves on a record, one draw [N m].
 
     The smoothed motion is taken as true. It is read again through a noisy, quantising encoder and passed through the
     same inverse dynamics.
     """
     r = observation.record
     true = observation.position
-    extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0))
-    read = true + extra * rng.standard_normal(len(true))
+    seen = observation.again(true).needed(plant, memory)
+    extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0)) * rng.standard_normal(len(true))
     if noise.resolution:
-        read = np.round(read / noise.resolution) * noise.resolution
-    seen = observation.again(true)
-    measured = observation.again(read)
+        # The smoothed motion still holds some of the first reading, and a second through the same counts would agree
+        # with that more than two readings do: the counts are put at several places, which take turns.
+        shifts = noise.resolution * (np.arange(_SHIFTS) + rng.random()) / _SHIFTS
+        reads = [np.round((true + extra + s) / noise.resolution) * noise.resolution - s for s in shifts]
+    else:
+        reads = [true + extra]
+    draws = np.stack([observation.again(read).needed(plant, memory) for read in reads])
+    turn = (observation.time // _TURN).astype(int) % len(draws)
     torque = held_mean(noise.torque * rng.standard_normal(len(r)))
-    return observation.band(torque) - (measured.needed(plant, memory) - seen.needed(plant, memory))
+    return observation.band(torque) - (draws[turn, np.arange(len(turn))] - seen)
 
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:
-    """(m,) part of `floor_residual` that is known: the torque of the effects is taken between the samples too, where
-    the inverse dynamics can only draw a straight line [N m]."""
-    seen = observation.again(observation.position)
-    return seen.replay(plant, memory) - seen.replay(plant, memory, parts=_PARTS)
+    """(m,) part of `floor_residual` that is known: what closer instants between samples would still change [N m]."""
+    fine = observation.grid(plant, memory, finer=_FINER)
+    return observation.replay(plant, memory) - observation.replay(plant, memory, fine)

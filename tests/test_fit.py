@@ -77,9 +77,10 @@ def test_every_free_parameter_has_an_interval_around_it(fitted: FitResult) -> No
 def test_a_linear_problem_has_the_solution_of_linear_least_squares() -> None:
     plant = replace(DRAG, inertia=None, inertia_known=False)
     found = fit(plant, runs(DRAG))
-    unit = Plant.axis(1.0) + effects.Viscous(coefficient=1.0)
+    drag = found.plant["viscous"].coefficient
+    unit = Plant.axis(1.0) + effects.Viscous(coefficient=drag)
     seen = found.misfit.observations
-    columns = [(o.acceleration, -o.replay(unit), o.applied(plant), o.applied(plant, 1e-6)) for o in seen]
+    columns = [(o.acceleration, -o.replay(unit) / drag, o.applied(plant), o.applied(plant, 1e-6)) for o in seen]
     a, v, u, late = (np.concatenate(c) for c in zip(*columns, strict=True))
     matrix = np.stack([a, v, (u - late) / 1e-6], 1)  # inertia, drag and the skew of the clocks
     scale = np.sqrt((matrix**2).sum(0))

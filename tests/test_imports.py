@@ -14,7 +14,7 @@ LAYERS = [
     {"harmonics"},
     {"record", "formats", "effect"},
     {"effects", "columns", "frf", "frf_table", "distortion"},
-    {"plant", "coordinates"},
+    {"plant", "coordinates", "grid"},
     {"simulate", "inverse", "frf_observation", "noise", "scales", "motion", "starts", "engine", "tasks", "axis",
      "dahl_resonance"},
     {"observe", "misfit", "least_squares", "intervals", "residuals", "robot"},

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _SUFFIX = {"darwin": ".dylib", "win32": ".dll"}.get(sys.platform, ".so")
 LIBRARY_PATH = Path(__file__).parent / f"libgms_mujoco{_SUFFIX}"
 _MAX_PARAMETERS = 12
+_MOST_INSTANTS = 24  # per sample
 
 
 class _Parameter(ctypes.Structure):
@@ -76,6 +77,7 @@ def _load() -> ctypes.CDLL:
         ("gms_joint_n_memory", integer, (pointer,)),
         ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
         ("gms_joint_cycle", integer, (pointer, integer, integer) + (pointer,) * 4),
+        ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),
         (
             "gms_joint_simulate",
             integer,
@@ -257,6 +259,42 @@ class Joint:
         torque = np.empty(inputs[1].shape)
         library.gms_joint_cycle(self._handle, *torque.shape, *map(_address, inputs), _address(torque))
         return torque
+
+    def mean(
+        self,
+        time: Array,
+        position: Array,
+        velocity: Array,
+        load: Array | None = None,
+        temperature: Array | None = None,
+        memory: Array | None = None,
+        tolerance: float = np.inf,
+    ) -> tuple[Array, Array]:
+        """Mean torque around each sample, with a weight that falls linearly to zero at the samples beside it.
+
+        Between samples the motion is the cubic of their
+        positions and velocities. The torque runs straight from sample to sample unless it bends there (an element
+        slips, the motion reverses): then the interval is halved until the torque is straight.
+
+        Args:
+            time, position, velocity, load, temperature, memory: as for `replay`.
+            tolerance: by how much the torque in the middle of an interval, times the part of a sample that it lasts,
+                may be off the straight line [N m]; infinite: only a reversal is looked at.
+
+        Returns:
+            (n,) mean torque, at the first and the last sample the torque itself [N m]; and the instants between which
+            the torque was taken as straight, in samples from the first.
+        """
+        inputs = [
+            None if a is None else np.ascontiguousarray(a, float)
+            for a in (time, position, velocity, load, temperature, memory)
+        ]
+        n = len(time)
+        torque, instants = np.empty(n), np.empty(_MOST_INSTANTS * n)
+        count = library.gms_joint_mean(
+            self._handle, n, *map(_address, inputs), tolerance, _address(torque), _address(instants), len(instants)
+        )
+        return torque, instants[:count].copy()
 
     def simulate(
         self,

@@ -1,0 +1,90 @@
+"""Grid: the instants between which the torque along a motion is taken as straight, samples and some between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from . import native
+from .record import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Path:
+    """A motion at the instants of a grid: what `native.Joint.replay` takes."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    load: Array | None
+    temperature: Array | None
+
+    def torque(self, joint: native.Joint, memory: Array | None = None) -> Array:
+        """(N,) torque at the instants [N m]."""
+        return joint.replay(self.time, self.position, self.velocity, self.load, self.temperature, memory).torque
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Instants at which torques are evaluated.
+
+    On a grid that is set once a torque is a smooth function of the parameters, as its derivatives need it to be; found
+    anew for each set of parameters it would jump with every instant that comes or goes.
+
+    Attributes:
+        instants: (N,) in samples from the first, rising, every sample among them.
+    """
+
+    instants: Array
+    _paths: dict[int, tuple[Array, Path]] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def _place(self) -> tuple[NDArray[np.intp], Array]:
+        """(N,) the sample before each instant (the last but one for the last), and the part of a sample since."""
+        before = np.minimum(self.instants.astype(int), int(self.instants[-1]) - 1)
+        return before, self.instants - before
+
+    def path(self, record: Record, position: Array, velocity: Array) -> Path:
+        """The motion of these positions and velocities (n,), cubic between samples; other signals run straight."""
+        known = self._paths.get(id(position))
+        if known is not None and known[0] is position:
+            return known[1]
+        k, u = self._place
+        h, w = record.sample_time, 1 - u
+        moved, a, b = position[k + 1] - position[k], velocity[k], velocity[k + 1]
+        place = position[k] + u * u * (3 - 2 * u) * moved + h * u * w * (w * a - u * b)
+        speed = 6 * u * w * moved / h + w * (1 - 3 * u) * a + u * (3 * u - 2) * b
+        load, temperature = (
+            None if x is None else w * x[k] + u * x[k + 1] for x in map(record.get, ("load", "temperature"))
+        )
+        path = Path(w * record.time[k] + u * record.time[k + 1], place, speed, load, temperature)
+        if len(self._paths) > 4:
+            self._paths.clear()
+        self._paths[id(position)] = position, path
+        return path
+
+    @cached_property
+    def _weights(self) -> sparse.csr_matrix:
+        """(n, N): a torque at the instants to its mean around each sample."""
+        k, u = self._place
+        last, n = len(u) - 1, int(self.instants[-1])
+        here = np.arange(last)
+        k, u = k[:-1], u[:-1]
+        width = np.diff(self.instants)  # of the piece from u to v
+        v = u + width
+        first, second = width * (2 * u + v) / 6, width * (u + 2 * v) / 6
+        rows = np.concatenate([k + 1, k + 1, k, k, [0, n]])
+        columns = np.concatenate([here, here + 1, here, here + 1, [0, last]])
+        weights = np.concatenate([first, second, width / 2 - first, width / 2 - second, [1, 1]])
+        weights[:-2][(rows[:-2] == 0) | (rows[:-2] == n)] = 0
+        return sparse.csr_matrix((weights, (rows, columns)), shape=(n + 1, last + 1))
+
+    def mean(self, torque: Array) -> Array:
+        """(n,) what `native.Joint.mean` says of a torque (N,) that runs straight between the instants."""
+        return np.asarray(self._weights @ torque)
