@@ -1,7 +1,8 @@
 """Throughput of the servo environment: env-steps per second of Gymnasium's Sync and Async and of ours.
 
 A step is one servo sample: five time steps of MuJoCo with eight friction elements. Random torques; episodes end and
-begin as they would in training. The three take turns in short rounds; the figure is the median over the rounds.
+begin as they would in training. The three take turns in short rounds; the figure is the median over the rounds. Async
+has a process for each environment and is left out above 64.
 
 Run: OPENBLAS_NUM_THREADS=1 python benchmarks/vector_env.py [largest size] [seconds per figure]
 """
@@ -34,7 +35,7 @@ def rate(env: gym.vector.VectorEnv, seconds: float) -> float:
 
 
 def main() -> None:
-    largest = int(sys.argv[1]) if len(sys.argv) > 1 else 256
+    largest = int(sys.argv[1]) if len(sys.argv) > 1 else 4096
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 1.0
     print(f"env-steps/s, median of {ROUNDS} rounds; {ID} with its defaults, gms_mujoco {gms.__version__}")
     print(f"{'size':>6s}" + "".join(f"{m:>12s}" for m in MODES) + f"{'ours over the better one':>28s}")

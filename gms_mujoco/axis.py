@@ -38,6 +38,7 @@ class Mechanism:
         plant: complete, with the inertia of the joint.
         joint: name of it.
         start: position of the joint where the model begins [rad]; None where it may begin anywhere.
+        weight: largest torque of the weight on the joint, over its range [N m].
 
     Raises:
         ModelError: no such model, joint or parameter value.
@@ -53,6 +54,7 @@ class Mechanism:
         if model is None or joint is None:
             self.plant, self.joint = found.complete(), "shaft"
             self.start = None if self.plant.kind == "hinge" else 0.0
+            self.weight = 0.0
             self._spec = _bare(self.plant)
         else:
             self.joint = joint
@@ -65,6 +67,7 @@ class Mechanism:
             mujoco.mj_fullM(bare, data, mass)
             self.plant = replace(found, inertia=float(mass[0, 0]), inertia_known=True).complete()
             self.start = float(data.qpos[0])
+            self.weight = _weight(bare, data)
 
     def build(self, plant: Plant, timestep: float, torque_limit: float) -> mujoco.MjModel:
         """The model with the effects of a plant; qpos[0] is the joint, ctrl[0] the torque of the motor [N m].
@@ -95,6 +98,16 @@ def _bare(plant: Plant) -> mujoco.MjSpec:
     assert plant.inertia is not None
     joint.armature = plant.inertia - plant.driven_inertia  # attach takes it off again
     return spec
+
+
+def _weight(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    low, high = model.jnt_range[0] if model.jnt_limited[0] else data.qpos[0] + np.array([-np.pi, np.pi])
+    most = 0.0
+    for position in np.linspace(low, high, 73):
+        data.qpos[0] = position
+        mujoco.mj_forward(model, data)
+        most = max(most, abs(float(data.qfrc_bias[0] - data.qfrc_gravcomp[0])))
+    return most
 
 
 def _isolate(spec: mujoco.MjSpec, name: str) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from . import engine, native
 from .axis import Mechanism
-from .errors import ModelError
+from .errors import ModelError, listing
 from .plant import Plant
 from .tasks import TASKS, Episode, at_rest, check_tasks, draw, scale_of
 
@@ -39,7 +39,7 @@ class Axes:
         rate: of the servo [Hz].
         substeps: time steps of MuJoCo in a sample.
         resolution: position of one encoder count [rad]; the default is a millionth of a revolution, or a micrometre.
-        torque_limit: [N m]; the default is 10 times the friction at low speed.
+        torque_limit: [N m]; the default is 10 times the friction at low speed, and the weight on top.
         tasks: references to draw from, by name; see `gms_mujoco.tasks.TASKS`.
         spread: of the friction from episode to episode, a factor or "uncertainty", the intervals of an identified
             plant; see `gms_mujoco.tasks.scatter`. 1: always the plant's own.
@@ -82,7 +82,8 @@ class Axes:
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)
         self.scale = scale_of(self.plant, self.resolution)
-        self.torque_limit = 10 * self.scale.level if torque_limit is None else float(torque_limit)
+        most = 10 * self.scale.level + self.mechanism.weight
+        self.torque_limit = most if torque_limit is None else float(torque_limit)
         if not 0 < self.torque_limit < math.inf:
             raise ModelError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
         self._draw(np.random.default_rng(0), None)  # a wrong split, spread or task shows here
@@ -146,6 +147,9 @@ class Axes:
         episode = self.episodes[i]
         if episode is None:
             raise ModelError("there is no episode yet; reset the environment first")
+        own, given = ([f"{e.name} with {e.elements}" for e in p.effects] for p in (self.plant, plant))
+        if own != given:
+            raise ModelError(f"another plant needs the effects {listing(own)} elements; {listing(given)} given")
         memory = None if episode.memory is None else at_rest(plant, self.scale, np.random.default_rng(0), 0.0)[1]
         readings = self._begin([i], [replace(episode, plant=plant, memory=memory)])
         self.reading[i] = self.last_reading[i] = readings[0]

@@ -197,6 +197,8 @@ def test_an_axis_may_follow_its_episode_with_another_plant():
         control.follow(envs, lambda k: control.Feedforward(PLANT.inertia), episodes=[1, 1], prepare=prepare)
         for prepare in (None, lambda axes: axes.exchange(1, slippery))
     ]
+    with pytest.raises(gms.ModelError, match="another plant needs the effects gms with 8, viscous with 1 elements"):
+        envs.unwrapped.axes.exchange(0, Plant.axis(J))
     np.testing.assert_array_equal(runs[0].reference, runs[1].reference)
     np.testing.assert_array_equal(runs[0].position[:, 0], runs[1].position[:, 0])
     assert not np.array_equal(runs[0].position[:, 1], runs[1].position[:, 1])

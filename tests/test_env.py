@@ -252,6 +252,8 @@ def test_a_joint_of_a_model_has_its_inertia_and_weight():
     assert env.axes.plant.inertia == pytest.approx(mass[elbow, elbow])
     observation, _ = env.reset(seed=0)
     assert observation[0] == 0.0, "where the model begins"
+    arm = sum(full.body(b).mass[0] for b in ("forearm", "forearm_roll", "wrist", "hand")) * 9.81
+    assert 0.1 * arm < env.axes.torque_limit - 10 * env.axes.scale.level < 0.5 * arm, "the drive can carry the arm"
     axes = Axes(plant="arm_joint", model=ARM, joint="elbow", spread=1.0, torque_limit=100.0)
     axes.reset([0], [np.random.default_rng(0)])
     for _ in range(40):
