@@ -24,6 +24,7 @@ from .excitation import Excitation
 from .files import MODELS
 from .fit import FitResult, baseline, fit
 from .frf import FRF, estimate_frf
+from .hensen import LuGreReading, identify_lugre
 from .parameter import Parameter
 from .plant import Plant
 from .record import Record
@@ -44,6 +45,7 @@ __all__ = [
     "Excitation",
     "FitResult",
     "GmsError",
+    "LuGreReading",
     "ModelError",
     "Parameter",
     "Plant",
@@ -58,6 +60,7 @@ __all__ = [
     "fit",
     "friction",
     "identify_dahl",
+    "identify_lugre",
     "install_callback",
     "load",
     "measure",

@@ -18,7 +18,7 @@ LAYERS = [
     {"simulate", "inverse", "frf_observation", "noise", "scales", "motion", "starts", "engine", "tasks", "axis",
      "dahl_resonance"},
     {"observe", "misfit", "least_squares", "intervals", "residuals", "robot"},
-    {"servo", "fit", "compare", "compare_frf", "bench", "sweep"},
+    {"servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
     {"dataset"},
     {"screen", "remainder", "goals"},
