@@ -1,8 +1,9 @@
 """GMS against LuGre on axes whose friction is GMS: both identified in the frequency domain from the same responses.
 
-Random axes as in virgin_curve.py (six Maxwell-slip elements, 4.5 mN m), with a Stribeck curve (Fs 20 % above Fc) that
-LuGre gets from runs at constant velocity and the Maxwell-slip reading does not. 2 kHz, encoder of 10^6 counts, 0.02 mN m
-of torque noise; stepped sines at 8 held position amplitudes. LuGre takes the smallest (Hensen), GMS all of them.
+Random axes as in virgin_curve.py (six Maxwell-slip elements, 4.5 mN m), without and with a Stribeck curve (Fs 20 %
+above Fc), which LuGre gets from runs at constant velocity and the Maxwell-slip reading does not know. 2 kHz, encoder of
+10^6 counts, 0.02 mN m of torque noise; stepped sines at 8 held position amplitudes, of which LuGre takes the smallest
+(Hensen) and GMS all.
 
 - stiffness error: |J w^2 of the model over that of the axis - 1| at the torque held and position amplitude of each
   level, from sines on the simulated models; at the smallest level and the worst of all.
@@ -17,7 +18,7 @@ import math
 import sys
 
 import numpy as np
-from virgin_curve import COUNT, J, LEVEL, axis, plant_of, swept
+from virgin_curve import COUNT, LEVEL, J, axis, plant_of, swept
 
 from gms_mujoco import control
 from gms_mujoco.bench import run_loop
@@ -28,7 +29,7 @@ from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
 from gms_mujoco.sweep import stepped_sine
 
-H, COULOMB = 5e-4, LEVEL / 1.2
+H = 5e-4
 SPEEDS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 2.0, 4.0)  # rad/s
 
 
@@ -42,7 +43,7 @@ def sliding(plant: Plant, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stiffness(plant: Plant, frequency: float, amplitude: float) -> float:
-    """In-phase stiffness of friction at a position amplitude, from a sine on the axis."""
+    """In-phase stiffness of friction at a position amplitude, from a sine far above the resonance, where all hold."""
     frf = stepped_sine(plant, [frequency], amplitude, substeps=16, tolerance=2e-3)
     return float((1 / frf.response).real[0] + J * frf.omega[0] ** 2)
 
@@ -61,14 +62,14 @@ def creep(plant: Plant, reach: float) -> float:
     return float((record.position[5999 - 1] - record.position[5999 - 1 - 1200]) / 3 / reach)
 
 
-def scores(i: int) -> dict[str, list[float]]:
+def scores(i: int, coulomb: float) -> dict[str, list[float]]:
     true = axis(np.random.default_rng([7, i]))
-    plant = plant_of(true, COULOMB)
-    frfs = swept(true, "position", i, COULOMB)
+    plant = plant_of(true, coulomb)
+    frfs = swept(true, "position", i, coulomb)
     models = {"GMS (identify_dahl)": identify_dahl(frfs, J).plant,
               "LuGre (Hensen)": identify_lugre(frfs, *sliding(plant, i), J).plant}  # fmt: skip
     sizes = [float(np.median(f.amplitude)) for f in frfs]  # type: ignore[arg-type]
-    tone = [1.5 * math.sqrt(describing_function(*true, np.array([a])).real[0] / J) / (2 * math.pi) for a in sizes]
+    tone = [3 * math.sqrt(describing_function(*true, np.array([a])).real[0] / J) / (2 * math.pi) for a in sizes]
     truth = [stiffness(plant, f, a) for f, a in zip(tone, sizes, strict=True)]
     out = {}
     for name, model in models.items():
@@ -85,13 +86,13 @@ def scores(i: int) -> dict[str, list[float]]:
 
 
 def main(axes: int = 10) -> None:
-    table = [scores(i) for i in range(axes)]
-    print(f"median over {axes} axes")
-    print(f"{'':22} {'stiffness error [%]':>22}  {'amplitude':>10}  {'':>8}  {'drift per':>10}")
-    print(f"{'':22} {'smallest':>10} {'worst':>11}  {'drift [%]':>10}  {'R^2':>8}  {'cycle':>10}")
-    for name in table[0]:
-        m = np.median([t[name] for t in table], axis=0)
-        print(f"{name:22} {m[0]:10.2f} {m[1]:11.2f}  {m[2]:10.2f}  {m[3]:8.4f}  {m[4]:10.1e}")
+    for what, coulomb in (("without", LEVEL), ("with", LEVEL / 1.2)):
+        table = [scores(i, coulomb) for i in range(axes)]
+        print(f"{f'median, {axes} axes':22} {'stiffness error [%]':>22}  {'amplitude':>10}  {'':>8}  {'drift per':>10}")
+        print(f"{f'{what} Stribeck':22} {'smallest':>10} {'worst':>11}  {'drift [%]':>10}  {'R^2':>8}  {'cycle':>10}")
+        for name in table[0]:
+            m = np.median([t[name] for t in table], axis=0)
+            print(f"{name:22} {m[0]:10.2f} {m[1]:11.2f}  {m[2]:10.2f}  {m[3]:8.4f}  {m[4]:10.1e}", flush=True)
 
 
 if __name__ == "__main__":

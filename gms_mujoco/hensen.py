@@ -35,7 +35,7 @@ from .record import Record
 Array = NDArray[np.float64]
 
 _ALIKE = 2.0  # times the smallest amplitude: responses that are read together
-_SMALL = 0.5  # of the bristle's break-away Fs / sigma0: beyond, its motion is not small
+_SMALL = 1.0  # of the bristle's break-away Fs / sigma0: beyond, it slides
 _WORST = 1e-3  # relative error of a response that claims to know better
 _ROUNDS = 20
 _FEWEST = 4  # velocities
