@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .diagnose import Diagnosis
 
 PROGRAM = "gms-mujoco"
+_MOST_ELEMENTS = 32
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -96,6 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     dataset(sub)
     sub.add_argument("-o", "--output", required=True, metavar="MODEL.toml", help="the identified plant")
     sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
+    sub.add_argument("--elements", metavar="N", help="of gms; auto: as few as the data ask for "
+                     "(default: auto from frequency responses alone, else 8)")
 
     sub = command("compare", _compare, "score a plant against measured records, one by one and pooled",
                   "compare model.toml measurements/ --report compare.html")
@@ -161,20 +164,27 @@ def _demo(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
+    from .elements import choose_elements, undetermined
     from .fit import baseline, fit
 
     output = files.expect_writable(options.output)
+    count = options.elements
+    if count not in (None, "auto") and not (count.isdecimal() and 0 < int(count) <= _MOST_ELEMENTS):
+        raise ModelError(f"--elements must be auto or a number from 1 to {_MOST_ELEMENTS}; {count!r} given")
     runs = _load(options)
-    plant = baseline(runs.inertia, runs.kind)
+    plant = baseline(runs.inertia, runs.kind, int(count) if count not in (None, "auto") else 8)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
+    auto = count == "auto" or (count is None and not runs.records and "gms" in plant)
     with Bar() as bar:
-        result = fit(plant, runs.fit, progress=bar)
+        result = (choose_elements if auto else fit)(plant, runs.fit, progress=bar)
     result.plant.save(output)
     print(result.status)
     if runs.validate:
         print(f"validate error {compare(result.plant, runs.validate).torque_error:.4f}")
     print(_parameters(result.plant))
+    for name, experiment in undetermined(result.plant).items():
+        print(f"{name} is not determined by these data; what would: {experiment}")
     print(f"wrote {output}")
 
 

@@ -277,7 +277,7 @@ class _Search:
         current = self.steps[-1].result
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
-        scored = [c for c in map(screen.candidate, applicable(current.plant)) if c is not None]
+        scored = [c for c in map(screen.candidate, applicable(current.plant, self.seen)) if c is not None]
         scored.sort(key=lambda c: -c.gain)
         p_values = {c.effect.name: _p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: current.plant + c.effect for c in scored}

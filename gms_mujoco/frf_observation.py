@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from .effect import Effect
 from .errors import DataError
 from .frf import FRF, join_sines
 from .grid import Grid
@@ -157,15 +158,27 @@ class FrfObservation:
 
     def drive_response(self, plant: Plant) -> Complex:
         """(n,) fundamental that the drive delivers over that commanded."""
-        out = np.ones(len(self.frf), complex)
         if not plant.drive:
-            return out
+            return np.ones(len(self.frf), complex)
+        known = self._delivered
+        if plant.drive not in known:
+            if len(known) > 4:  # a fit tries many, one after another and a few at a time
+                known.clear()
+            known[plant.drive] = self._deliver(plant.drive)
+        return known[plant.drive]
+
+    @cached_property
+    def _delivered(self) -> dict[tuple[Effect, ...], Complex]:
+        return {}
+
+    def _deliver(self, drive: tuple[Effect, ...]) -> Complex:
+        out = np.empty(len(self.frf), complex)
         for i, (f, size) in enumerate(zip(self.frf.frequency, np.abs(self.torque), strict=True)):
             periods, last = 2, 0j
             while periods <= _MOST_PERIODS:
                 phase = np.arange(SAMPLES * periods) / SAMPLES
                 torque = size * np.cos(2 * math.pi * phase)
-                for effect in plant.drive:
+                for effect in drive:
                     torque = effect.deliver(phase / f, torque)
                 found = complex(fundamental(torque[None, -SAMPLES:])[0]) / size
                 if abs(found - last) < 1e-6:

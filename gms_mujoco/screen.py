@@ -20,7 +20,7 @@ from scipy import linalg
 
 from . import effects
 from .effect import Effect
-from .frf_observation import Seen
+from .frf_observation import FrfObservation, Seen
 from .intervals import block_sums
 from .misfit import Misfit
 from .parameter import Parameter
@@ -331,11 +331,18 @@ def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
 _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 
 
-def applicable(plant: Plant) -> list[type[Effect]]:
+# Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution.
+_NEED_RECORDS = ("thermal_drift", "load_dependent_friction", "encoder_eccentricity", "position_dependent_friction")
+
+
+def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Effect]]:
     """The effects of the catalogue that could be added to a plant.
 
-    Not those that it has, not those contained in its friction, and on a slide joint none that counts revolutions.
+    Not those that it has, not those contained in its friction, on a slide joint none that counts revolutions, and from
+    frequency responses alone none that they cannot show.
     """
     contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
+    if observations and all(isinstance(o, FrfObservation) for o in observations):
+        contained = (*contained, *_NEED_RECORDS)
     out = {name: e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained}
     return [e for e in out.values() if plant.kind == "hinge" or not has_phase(e)]

@@ -21,7 +21,7 @@ LAYERS = [
     {"servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
     {"dataset"},
-    {"screen", "remainder", "goals"},
+    {"screen", "elements", "remainder", "goals"},
     {"diagnose"},
     {"page", "page_frf"},
     {"demo", "report"},

@@ -1,0 +1,99 @@
+"""How many elements friction needs, and what the data cannot tell about it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from . import effects
+from .effect import Effect
+from .errors import ModelError
+from .fit import FitResult, Progress, fit_observations
+from .frf import FRF
+from .observe import observe
+from .plant import Plant
+from .record import Record
+from .screen import cross_validated
+
+COUNTS = (1, 2, 3, 4, 6, 8)
+_UNKNOWN = 10.0  # an interval whose ends differ by this factor says nothing
+_EXPERIMENTS = {
+    "gms.stiffness": "sines or reversals at amplitudes from well below to well above the break-away distances",
+    "gms.fraction": "sines or reversals at more amplitudes, closer together",
+    "gms.coulomb": "sliding well beyond the Stribeck velocity",
+    "gms.static": "slow sliding, or sines large enough for all elements to slip",
+    "gms.stribeck_velocity": "constant-velocity runs, or large sines, from well below to well above the velocity at "
+    "which friction weakens",
+    "gms.attraction": "transients while sliding: changes of speed and reversals at speed",
+    "inertia": "higher frequencies, where the response follows its mass line",
+}
+
+
+def choose_elements(
+    plant: Plant,
+    data: Sequence[Record | FRF],
+    counts: Sequence[int] = COUNTS,
+    *,
+    fixed: Collection[str] = (),
+    progress: Progress | None = None,
+) -> FitResult:
+    """The fit with as few friction elements as the data ask for.
+
+    Each count is fitted; of those whose error on held-out blocks is within a standard error of the least the smallest
+    is taken (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, section 7.10).
+
+    Args:
+        plant: with `gms` whose stiffnesses have no value yet.
+        data: runs and frequency responses to fit.
+        counts: to try, rising.
+        fixed, progress: see `fit`.
+
+    Raises:
+        ModelError: the plant has no `gms`, or its elements have values.
+        DataError: nothing to fit.
+    """
+    if "gms" not in plant or "stiffness" not in plant["gms"].unset:
+        raise ModelError("the number of elements is chosen for gms friction whose stiffness has no value yet")
+    report = progress or (lambda done, message: None)
+    observations = observe(data, plant.inertia)
+    found: list[tuple[FitResult, float, float]] = []
+    for i, n in enumerate(counts):
+        report(i / len(counts), f"{n} element{'s' if n > 1 else ''}")
+        result = fit_observations(plant.replace(_with(plant["gms"], n)), observations, fixed)
+        blocks = cross_validated(result.misfit, result.vector)
+        found.append((result, float(blocks.mean()), float(blocks.std() / np.sqrt(len(blocks)))))
+        if i > 1 and found[-1][1] > found[-2][1] > found[-3][1]:
+            break  # more only follow the noise
+    _, least, spread = min(found, key=lambda f: f[1])
+    chosen = next(result for result, error, _ in found if error <= least + spread)
+    report(1.0, chosen.status)
+    return chosen
+
+
+def _with(gms: Effect, elements: int) -> Effect:
+    kept = {p.name: gms.values[p.name] for p in gms.parameters if not p.per_element and p.name not in gms.unset}
+    return effects.find("gms")(elements, **kept)
+
+
+def undetermined(plant: Plant) -> dict[str, str]:
+    """Parameters that the data of a fit could not tell, by name, with the experiment that would.
+
+    Those whose 95 % interval spans more than a factor of ten, a share that may be anything, and a static level that
+    may be the Coulomb level or twice it.
+    """
+    out: dict[str, str] = {}
+    numbers = plant.numbers()
+    for name, (low, high) in plant.uncertainty.items():
+        value = numbers[name][0]
+        if name.startswith("gms.fraction"):
+            vague = high - low > 0.5
+        elif low > 0:
+            vague = high > _UNKNOWN * low
+        else:
+            vague = not high - low < 1e3 * abs(value) and value != 0
+        if vague:
+            effect, _, _ = name.partition(".")
+            general = _EXPERIMENTS.get(name.split("[")[0]) or effects.find(effect).experiment.rstrip(".")
+            out[name] = general[:1].lower() + general[1:]
+    return out
