@@ -368,7 +368,7 @@ def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
 def _write_diagnosis(folder: Path, diagnosis: Diagnosis) -> None:
     """The five files of a diagnosis, those that other programs read first."""
     from .report import render
-    from .view import write_recording
+    from .tour import write_recording
 
     files.write_text(folder / "diagnosis.json", as_json(diagnosis.to_dict()))
     diagnosis.baseline.save(folder / "baseline.toml")

@@ -77,6 +77,16 @@ class FrfComparison:
         """(n,) of the measured response less that of the plant's [deg]."""
         return np.asarray(np.degrees(np.angle(self.response / self.model)))
 
+    @property
+    def band_db(self) -> Array:
+        """(n,) half width of the 95 % band of the magnitude error that the uncertainty of the response sets [dB]."""
+        return np.asarray(1.96 / math.sqrt(2) * 20 / math.log(10) * self.deviation)
+
+    @property
+    def band_deg(self) -> Array:
+        """(n,) half width of the 95 % band of the phase error [deg]."""
+        return np.degrees(1.96 / math.sqrt(2) * self.deviation)
+
     def to_dict(self) -> dict[str, Any]:
         """As `compare --json` writes it."""
 
@@ -96,8 +106,8 @@ class FrfComparison:
             "frequency_hz": self.frequency.tolist(),
             "magnitude_error_db": self.magnitude_error.tolist(),
             "phase_error_deg": self.phase_error.tolist(),
-            "band95_db": (1.96 / math.sqrt(2) * 20 / math.log(10) * self.deviation).tolist(),
-            "band95_deg": np.degrees(1.96 / math.sqrt(2) * self.deviation).tolist(),
+            "band95_db": self.band_db.tolist(),
+            "band95_deg": self.band_deg.tolist(),
         }
 
 

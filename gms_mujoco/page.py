@@ -128,11 +128,8 @@ def where_it_fails(shown: Shown) -> str:
         f"<p><b>{escape(name)}:</b> {escape(c.where).replace(chr(10), '; ')}.</p>" for name, c, _ in shown
     )
     key = figure.legend([(name, colour) for name, _, colour in shown], NOISE)
-    always = [m for n in _ALWAYS if (m := first.view(n))]
-    means = [m for m in first.views if not m.record and m not in always]
-    means.sort(key=lambda m: -np.nan_to_num(m.share, nan=-1.0))
-    telling, rest = [*means[:_TELLING], *always], means[_TELLING:]
-    parts = [lines, _regimes(shown), key, _grid([view_figure(shown, m) for m in telling])]
+    most, rest = telling(first)
+    parts = [lines, _regimes(shown), key, _grid([view_figure(shown, m) for m in most])]
     if rest:
         more = key + _grid([view_figure(shown, m) for m in rest])
         parts.append(f"<details><summary>{len(rest)} more views</summary>{more}</details>")
@@ -141,6 +138,14 @@ def where_it_fails(shown: Shown) -> str:
         "model needs along the measured motion. A mean within the grey band may be sensor noise.</p>"
         + "".join(parts) + "</section>"
     )  # fmt: skip
+
+
+def telling(c: Comparison) -> tuple[list[ResidualMap], list[ResidualMap]]:
+    """The views of all records that tell most, and the others."""
+    always = [m for n in _ALWAYS if (m := c.view(n))]
+    means = [m for m in c.views if not m.record and m.name not in _ALWAYS]
+    means.sort(key=lambda m: -np.nan_to_num(m.share, nan=-1.0))
+    return [*means[:_TELLING], *always], means[_TELLING:]
 
 
 def view_figure(shown: Shown, like: ResidualMap) -> str:
@@ -152,8 +157,7 @@ def view_figure(shown: Shown, like: ResidualMap) -> str:
             continue
         keep = m.centres > 0 if m.log[0] else np.ones(len(m.centres), bool)
         curves.append(Curve(name, m.centres[keep], m.mean[keep], colour, m.style))
-        low = np.zeros(len(m.mean)) if m.name.endswith("_harmonic") else m.expected - m.band
-        bands = [Band(m.centres[keep], low[keep], (m.expected + m.band)[keep])]
+        bands = [Band(m.centres[keep], m.low[keep], m.high[keep])]
         if m.style == "steps" and np.isfinite(m.share):
             said.append(f"{escape(name)} {100 * m.share:.0f} %")
     note = f"{', '.join(said)} of its square" if said else like.detail

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .compare import Comparison
     from .diagnose import Diagnosis
 
-_VERDICTS = {
+VERDICTS = {
     "adequate": "The baseline model explains the data down to the noise. Nothing was added.",
     "explained": "The added effects bring the error down to the noise.",
     "partly_explained": "The added effects lower the error; something remains that they do not explain.",
@@ -97,7 +97,7 @@ def _sentence(text: str) -> str:
 def _verdict(facts: dict[str, Any]) -> str:
     verdict = str(facts["verdict"])
     added = [s["effect"] for s in facts["steps"] if s["effect"]]
-    said = [_VERDICTS.get(verdict, "")]
+    said = [VERDICTS.get(verdict, "")]
     said += [f"Added: {', '.join(added)}."] if added else []
     said += [f"What remains: {facts['remainder']}."] if facts.get("remainder") else []
     said += [f"Measure next: {facts['next_experiment']}"] if facts.get("next_experiment") else []

@@ -70,6 +70,16 @@ class ResidualMap:
         return np.abs(self.mean - self.expected) > self.band
 
     @property
+    def low(self) -> Array:
+        """(b,) lower edge of the band; an amplitude is not negative."""
+        return np.zeros(len(self.mean)) if self.name.endswith("_harmonic") else self.expected - self.band
+
+    @property
+    def high(self) -> Array:
+        """(b,) upper edge of the band."""
+        return self.expected + self.band
+
+    @property
     def style(self) -> str:
         """How it is drawn: "steps" (a mean in each bin), "stems" or "line"."""
         if self.name.endswith(("_harmonic", "correlation")):

@@ -25,14 +25,16 @@ LAYERS = [
     {"diagnose"},
     {"page", "page_frf"},
     {"demo", "report"},
-    {"env", "vector_env", "control", "view"},
+    {"env", "vector_env", "control", "drawing", "view", "tour"},
     {"learn"},
     {"sb3"},
     {"cli"},
     {"__init__", "__main__"},
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
-EDGES = {"registration", "env", "vector_env", "control", "view", "learn", "sb3", "cli", "report", "demo"}
+EDGES = {
+    "registration", "env", "vector_env", "control", "drawing", "view", "tour", "learn", "sb3", "cli", "report", "demo",
+}  # fmt: skip
 OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch"}
 
 

@@ -1,36 +1,117 @@
-"""A diagnosis can be looked at: the recording reads back."""
+"""The viewer opens what is recorded: as a picture without a screen, and in a browser."""
 
+import base64
+import io
+import json
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
-from told import Told, tell
+from told import tell
 
-from gms_mujoco import figure, view
-from gms_mujoco.errors import GmsError
+from gms_mujoco import tour, view
+from gms_mujoco.figure import COLOURS
+
+PATIENCE = 120.0  # s until a picture shows what it should
 
 
 @pytest.fixture(scope="module")
-def told(small_set: Path) -> Told:
-    return tell(small_set)
+def recording(small_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("recording") / "recording.rrd"
+    tour.write_recording(file, tell(small_set))
+    return file
 
 
-def test_recording_reads_back_with_its_signals(told: Told, tmp_path: Path) -> None:
-    view.write_recording(tmp_path / "recording.rrd", told)
-    assert [p.name for p in tmp_path.iterdir()] == ["recording.rrd"]
-    store = RrdReader(tmp_path / "recording.rrd").stream().collect()
-    rows: dict[str, int] = {}
-    for chunk in store.stream():
-        rows[chunk.entity_path] = max(rows.get(chunk.entity_path, 0), chunk.num_rows)
-    samples = len(told.comparisons[0].records[0].time)
-    root = "/records/validate.csv"
-    for entity in ("torque/measured", "torque/baseline", "torque/viscous", "residual/viscous"):
-        assert rows[f"{root}/{entity}"] == min(samples, len(figure.thin(np.zeros(samples), 4000)))
-    assert {"/verdict", "/errors/0", "/errors/1", "/errors/floor", f"{root}/loop/measured"} <= set(rows)
-    assert {f"{root}/over_position/baseline", f"{root}/over_velocity/viscous"} <= set(rows)
+def _shows(png: bytes, colours: tuple[str, ...]) -> bool:
+    """Whether each colour covers a part of the picture that can be seen."""
+    from PIL import Image
+
+    picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int).reshape(-1, 3)
+    wanted = [[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in colours]
+    return all((np.abs(picture - w).max(1) < 24).sum() > 200 for w in wanted)
 
 
-def test_recording_without_a_place_leaves_nothing(told: Told, tmp_path: Path) -> None:
-    with pytest.raises(GmsError, match="nowhere"):
-        view.write_recording(tmp_path / "nowhere" / "recording.rrd", told)
+@contextmanager
+def _running(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as s:
+        return s.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_a_picture_without_a_screen_shows_both_models(recording: Path, tmp_path: Path) -> None:
+    if not list(Path("/usr/share/vulkan/icd.d").glob("*")):
+        pytest.skip("no Vulkan driver; on Debian the package mesa-vulkan-drivers")
+    pytest.importorskip("PIL")
+    view.open_recording(recording, tmp_path / "view.png")
+    png = (tmp_path / "view.png").read_bytes()
+    assert _shows(png, (COLOURS[1], COLOURS[2]))
+
+
+def test_a_browser_shows_both_models(recording: Path, tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no Chromium; on Debian the package chromium")
+    pytest.importorskip("PIL")
+    connect = pytest.importorskip("websockets.sync.client").connect
+    data, pages = view.free_port(), view.free_port()
+    serve = (sys.executable, "-m", "rerun", str(recording), "--serve-web", "--bind", "127.0.0.1", "--port", str(data),
+             "--web-viewer-port", str(pages))  # fmt: skip
+    address = f"http://127.0.0.1:{pages}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
+    browse = (browser, "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+              f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1400,900", "--remote-debugging-port=0",
+              "--remote-allow-origins=*", "about:blank")  # fmt: skip
+    end = time.monotonic() + PATIENCE
+    with _running(*serve), _running(*browse):
+        port = tmp_path / "profile" / "DevToolsActivePort"
+        while not (port.exists() and port.read_text() and _listens(pages)):
+            assert time.monotonic() < end, "viewer or browser did not start"
+            time.sleep(0.2)
+        with urllib.request.urlopen(f"http://127.0.0.1:{port.read_text().split()[0]}/json/list") as answer:
+            tab = next(t for t in json.load(answer) if t["type"] == "page")
+        with connect(tab["webSocketDebuggerUrl"], max_size=None) as page:
+
+            def ask(number: int, method: str, **params: object) -> dict[str, str]:
+                page.send(json.dumps({"id": number, "method": method, "params": params}))
+                while (answer := json.loads(page.recv(60))).get("id") != number:
+                    pass
+                return answer["result"]
+
+            ask(1, "Page.navigate", url=address)
+            number, png = 2, b""
+            while not (png and _shows(png, (COLOURS[1], COLOURS[2]))):
+                assert time.monotonic() < end, "the page did not show the recording"
+                time.sleep(2)
+                png = base64.b64decode(ask(number, "Page.captureScreenshot")["data"])
+                number += 1
+
+
+def test_the_viewer_listens_on_this_machine_only(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[list[str]] = []
+
+    class Done:
+        returncode = 0
+
+    monkeypatch.setattr(view.subprocess, "run", lambda command, **_: started.append(command) or Done())
+    view.open_recording(recording.parent)
+    (command,) = started
+    assert command[command.index("--bind") + 1] == "127.0.0.1" and str(recording) in command
