@@ -1,0 +1,174 @@
+"""What every friction law must show, each as a property with a figure; what Maxwell-slip shows beyond is in test_gms."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from gms_mujoco import effects
+from gms_mujoco.effect import Effect
+from gms_mujoco.plant import Plant
+
+FC, FS, VS, J = 4.5e-3, 5.4e-3, 0.8, 2.4e-5
+CURVE = {"coulomb": FC, "static": FS, "stribeck_velocity": VS}
+LAWS: dict[str, Effect] = {
+    "coulomb": effects.Coulomb(coulomb=FC),
+    "stribeck": effects.Stribeck(**CURVE),
+    "dahl": effects.Dahl(stiffness=1.5, coulomb=FC),
+    "lugre": effects.LuGre(stiffness=1.5, damping=1e-4, **CURVE),
+    "gms": effects.GMS(stiffness=[0.8, 0.4, 0.2, 0.1], fraction=[0.1, 0.2, 0.3, 0.4], attraction=0.3, **CURVE),
+}
+EVERY = pytest.mark.parametrize("law", LAWS)
+DYNAMIC = pytest.mark.parametrize("law", ["dahl", "lugre", "gms"])
+EXPONENT = {"stribeck": 1, "lugre": 2, "gms": 1}  # of the Stribeck curve; none: level Fc at every speed
+
+
+def friction(plant, q, dt=1e-3, load=None):
+    """(n,) friction on the moving side [N m] along (n,) positions."""
+    return -plant.joint().replay(np.arange(len(q)) * dt, q, np.gradient(q, dt), load).torque
+
+
+def curve(law, v):
+    weakening = np.exp(-(abs(v / VS) ** EXPONENT[law])) if law in EXPONENT else 0.0
+    return np.sign(v) * (FC + (FS - FC) * weakening)
+
+
+@EVERY
+@pytest.mark.parametrize("speed", [0.01, 0.3, 1.0, 3.0, -0.3])
+def test_steady_speed_is_on_the_five_parameter_curve(law, speed):
+    sigma, dt = 2e-5, 1e-3
+    q = speed * np.arange(round(max(2.0, 0.1 / abs(speed)) / dt)) * dt
+    force = friction(Plant.axis() + LAWS[law] + effects.Viscous(coefficient=sigma), q, dt)
+    assert force[-1] == pytest.approx(curve(law, speed) + sigma * speed, rel=5e-4)
+
+
+MODULATORS = {  # and the factor on the level at (position, time, load, direction)
+    "asymmetric": (effects.AsymmetricFriction(level=0.2), lambda q, t, load, side: 1 + 0.2 * side),
+    "position": (
+        effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.4]),
+        lambda q, t, load, side: 1 + 0.3 * np.sin(3 * q + 0.4),
+    ),
+    "load": (effects.LoadDependentFriction(coefficient=50.0), lambda q, t, load, side: 1 + 50 * abs(load)),
+    "thermal": (
+        effects.ThermalDrift(amplitude=-0.4, time_constant=5.0),
+        lambda q, t, load, side: 1 - 0.4 * np.exp(-t / 5),
+    ),
+}
+
+
+@EVERY
+@pytest.mark.parametrize("modulator", MODULATORS)
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_what_modulates_friction_scales_each_law(law, modulator, speed):
+    """Turning steadily, with all drags beside: a product of the law's level and a factor, plus the drags."""
+    dt, load = 1e-3, 4e-3
+    t = np.arange(3000) * dt
+    effect, factor = MODULATORS[modulator]
+    drags = effects.QuadraticDrag(coefficient=1e-4), effects.Viscous(coefficient=2e-5)
+    force = friction(Plant.axis() + LAWS[law] + effect + drags[0] + drags[1], speed * t, dt, np.full(len(t), load))
+    expected = curve(law, speed) * factor(speed * t, t, load, np.sign(speed)) * np.ones(len(t))
+    expected += 1e-4 * speed * abs(speed) + 2e-5 * speed
+    late = t > 1  # past break-away; a bristle and the slip follow a varying level with a lag
+    lag = 0.05 if modulator == "position" and law in ("dahl", "lugre", "gms") else 2e-3
+    assert np.allclose(force[late], expected[late], rtol=lag)
+
+
+@DYNAMIC
+@settings(max_examples=40, deadline=None)
+@given(turns=st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=10), step=st.floats(1e-4, 0.3))
+def test_stays_within_its_level(law, turns, step):
+    q = path(0.0, *turns, step=step)
+    plant = Plant.axis() + (LAWS[law] if law != "lugre" else effects.LuGre(stiffness=1.5, **CURVE))
+    assert np.abs(friction(plant, q)).max() <= (FC if law == "dahl" else FS) * (1 + 1e-12)
+
+
+def path(*turns, step=1e-3):
+    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in zip(turns, turns[1:], strict=False)]
+    return np.concatenate([[turns[0]], *legs])
+
+
+@EVERY
+@settings(max_examples=40, deadline=None)
+@given(turns=st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=10))
+def test_no_net_work_over_a_closed_cycle(law, turns):
+    """Passive: once the force is periodic like the motion, a cycle takes energy and never gives any."""
+    cycle = path(0.0, *turns, 0.0)
+    q = np.concatenate([cycle] + [cycle[1:]] * 3)
+    force = friction(Plant.axis() + LAWS[law], q)
+    work = 0.5 * (force[1:] + force[:-1]) * np.diff(q)
+    rounding = 1e-3 * FS * np.abs(np.diff(cycle)).sum()  # of the trapezoidal rule at steps of a milliradian
+    assert work[-(len(cycle) - 1) :].sum() >= -rounding
+
+
+@pytest.mark.parametrize(("law", "lags"), [("lugre", True), ("gms", True), ("dahl", False), ("stribeck", False)])
+def test_friction_lags_velocity(law, lags):
+    """The force at one speed differs between speeding up and slowing down; a law without memory of rate has one."""
+    dt = 1e-4
+    t = np.arange(0, 1, dt)
+    v = 1.0 + 0.9 * np.sin(2 * np.pi * 20 * t)
+    slow = LAWS[law] if law != "lugre" else effects.LuGre(stiffness=0.05, **CURVE)
+    force = friction(Plant.axis() + slow, np.cumsum(v) * dt, dt)
+    up, down = (np.gradient(v) > 0) & (t > 0.5), (np.gradient(v) < 0) & (t > 0.5)
+    at = [np.interp(1.0, *(x[np.argsort(v[m])] for x in (v[m], force[m]))) for m in (up, down)]
+    assert at[0] - at[1] > 0.02 * (FS - FC) if lags else abs(at[0] - at[1]) < 5e-3 * (FS - FC)
+
+
+@pytest.mark.parametrize(("law", "falls"), [("lugre", True), ("gms", True), ("dahl", False)])
+def test_break_away_depends_on_the_rate(law, falls):
+    speeds = 0.001, 0.1, 2.0
+    peak = [friction(Plant.axis() + LAWS[law], path(0, 0.3, step=v * 1e-3)).max() for v in speeds]
+    assert peak[0] > peak[1] > peak[2] if falls else np.ptp(peak) < 1e-3 * FC
+
+
+def exact(law, t, torque):
+    """Position at times t of the axis with the law's equation as it stands in the literature, by LSODA."""
+    spring, level = 1.5, lambda v: FC + (FS - FC) * np.exp(-((v / VS) ** 2))
+
+    def rates(now, y):
+        _, v, f = y
+        if law == "dahl":
+            return [v, (torque(now) - f) / J, spring * (1 - f / FC * np.sign(v)) * v]
+        bend = v - abs(v) * f / level(v)  # sigma0 dz/dt = sigma0 (v - sigma0 |v| z / s)
+        return [v, (torque(now) - f - 1e-4 * bend) / J, spring * bend]
+
+    return solve_ivp(rates, (0, t[-1]), [0, 0, 0], "LSODA", t, rtol=1e-10, atol=1e-13, max_step=1e-4).y[0]
+
+
+@pytest.mark.parametrize("law", ["dahl", "lugre"])
+def test_agrees_with_its_equation_to_a_thousandth_of_the_range(law):
+    """Sliding, turning round, coming to rest; the error halves with the step. GMS: test_reference."""
+    h = 5e-4
+    t = np.arange(500) * h
+    commands = 1.3 * FS * np.sin(2 * np.pi * 5 * t) * np.exp(-4 * t)
+    reference = exact(law, t, lambda now: commands[min(int(now / h + 1e-9), len(t) - 1)])
+    joint = (Plant.axis(J) + LAWS[law]).joint()
+    for integration in ("explicit", "implicit"):
+        error = [
+            np.abs(joint.simulate(J, h, commands, substeps=n, integration=integration).position - reference).max()
+            for n in (16, 32, 64)
+        ]
+        assert error[-1] < 1e-3 * np.ptp(reference), (integration, error)
+        order = np.log2(np.divide(error[:-1], error[1:]))
+        assert (order > 0.8).all(), (integration, order)
+
+
+@EVERY
+@pytest.mark.parametrize("wh", [10.0, 100.0])
+def test_bounded_without_chatter_at_any_step(law, wh):
+    """Pushed past break-away and back at a step far too long for its springs."""
+    h = 2e-3
+    k = J * (wh / h) ** 2
+    stiff = {
+        "dahl": effects.Dahl(stiffness=k, coulomb=FC),
+        "lugre": effects.LuGre(stiffness=k, damping=np.sqrt(k * J), **CURVE),
+        "gms": effects.GMS(
+            stiffness=k * np.array([8, 4, 2, 1]) / 15, fraction=[0.1, 0.2, 0.3, 0.4], attraction=0.3, **CURVE
+        ),
+    }.get(law, LAWS[law])
+    torque = 1.5 * FS * np.sin(2 * np.pi * 3 * np.arange(1000) * h)
+    motion = (Plant.axis(J) + stiff).joint().simulate(J, h, torque)
+    assert np.abs(motion.friction).max() <= FS * (1 + 1e-9)
+    v = motion.velocity
+    fast = v[np.abs(v) > 0.05 * np.abs(v).max()]
+    assert np.count_nonzero(np.diff(np.sign(fast))) <= 2 * 6 + 1
