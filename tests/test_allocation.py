@@ -1,4 +1,4 @@
-"""A step allocates no memory: counted in a process of its own, with a malloc that counts in front of the C library's."""
+"""A step allocates no memory: counted in a process of its own, by a malloc in front of the C library's."""
 
 import os
 import shutil

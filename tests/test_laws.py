@@ -1,4 +1,6 @@
-"""What every friction law must show, each as a property with a figure; what Maxwell-slip shows beyond is in test_gms."""
+"""What every friction law must show, each as a property with a figure; what Maxwell-slip shows beyond: test_gms."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -84,7 +86,7 @@ def test_stays_within_its_level(law, turns, step):
 
 
 def path(*turns, step=1e-3):
-    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in zip(turns, turns[1:], strict=False)]
+    legs = [np.linspace(a, b, max(2, round(abs(b - a) / step) + 1))[1:] for a, b in pairwise(turns)]
     return np.concatenate([[turns[0]], *legs])
 
 
