@@ -16,9 +16,9 @@ FREQUENCY = np.array([1120, 960, 800, 640, 480, 320, 160])  # of the joints on t
 SHARE = np.array([0.1, 0.2, 0.3, 0.4])
 
 
-def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6)):
-    """The seven-joint arm with bearings of 160 to 1120 Hz; its data in POSE, its torques of gravity, its travel from
-    full slip to full slip."""
+def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6), damping=0.0):
+    """The seven-joint arm with bearings of 160 to 1120 Hz, damped by a part of critical; its data in POSE, its torques
+    of gravity, its travel from full slip to full slip."""
     spec = mujoco.MjSpec.from_file(str(ARM))
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -28,12 +28,14 @@ def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6)):
     mujoco.mj_fullM(model, data, inertia)
     plants, travel = {}, []
     for i, top in enumerate(level):
-        stiffness = np.array([8, 4, 2, 1]) / 15 * inertia[i, i] * (2 * np.pi * FREQUENCY[i]) ** 2
+        rate = 2 * np.pi * FREQUENCY[i]
+        stiffness = np.array([8, 4, 2, 1]) / 15 * inertia[i, i] * rate**2
         law = effects.GMS(
             stiffness=stiffness, fraction=SHARE, coulomb=top / 1.2, static=top, stribeck_velocity=0.05,
             attraction=30.0 * top,
         )
-        plants[model.joint(i).name] = Plant.axis() + law
+        drag = effects.Viscous(coefficient=2 * damping * inertia[i, i] * rate)
+        plants[model.joint(i).name] = Plant.axis() + law + drag
         travel.append(2 * (SHARE * top / 1.2 / stiffness).max())
     spec = engine.attach(ARM, plants, integration)
     spec.option.timestep = h
@@ -44,17 +46,22 @@ def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6)):
     return model, data, data.qfrc_bias.copy(), np.array(travel), np.array(level, float)
 
 
-def test_seven_stiff_joints_at_2_ms_stay_within_half_a_percent():
+@pytest.mark.parametrize(("load", "damping"), [(0.6, 0.0), (0.95, 0.2)])
+def test_seven_stiff_joints_at_2_ms_stay_within_half_a_percent(load, damping):
     """A slow load that no joint gives way to, taken at the end of each step as backward Euler does, against a step
-    of 10 us. A load held over a step lags by that step, in MuJoCo as in any controller: no error of the friction."""
+    of 10 us. A load held over a step lags by that step, in MuJoCo as in any controller: no error of the friction.
+
+    Close to break-away each element that gives way rings the joint at up to 1120 Hz, and what rings slips further.
+    Undamped, that goes on in the small step, and the long one, which cannot carry it, is off by 0.6 to 3.6 %; where
+    the bearing damps it the error is again that of a first-order step."""
 
     def motion(h, integration):
-        model, data, gravity, travel, level = stiff_arm(h, integration)
+        model, data, gravity, travel, level = stiff_arm(h, integration, damping=damping)
         out = []
         for k in range(round(0.4 / h)):
             t = (k + 1) * h
             rise = 0.5 - 0.5 * np.cos(np.pi * min(1, t / 0.2))
-            data.ctrl[:] = gravity + 0.6 * level * np.sin(2 * np.pi * 2 * t) * rise
+            data.ctrl[:] = gravity + load * level * np.sin(2 * np.pi * 2 * t) * rise
             mujoco.mj_step(model, data)
             if (k + 1) % round(2e-3 / h) == 0:
                 out.append(data.qpos.copy())
