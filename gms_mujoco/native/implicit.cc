@@ -31,7 +31,7 @@ void multiply(const Tree& tree, const double* x, double* y) {
 void Implicit::reserve(int n_units, int n, int n_value) {
   units.resize(n_units);
   factor_.resize(n_value);
-  for (std::vector<double>* v : {&diagonal_, &change_, &product_}) v->resize(n);
+  for (std::vector<double>* v : {&diagonal_, &path_, &change_, &product_}) v->resize(n);
   for (std::vector<double>* v : {&free_, &push_, &solved_}) v->resize(n_units);
   response_.resize(n_units * n_units);
   search_.resize(n_units);
@@ -53,6 +53,54 @@ void Implicit::factor(const Tree& tree) {
       row[i] = ratio;
     }
   }
+}
+
+// The factor of M + by e_k e_k', which changes along the path from k to the root alone (Gill, Golub, Murray and Saunders,
+// Math. Comp. 28 (1974), method C1, from the last row up).
+void Implicit::update(const Tree& tree, int k, double by) {
+  const int *path = tree.column + tree.row_start[k], last = tree.row_size[k] - 1;
+  double* w = path_.data();
+  for (int i = 0; i < last; i++) w[path[i]] = 0;
+  w[k] = 1;
+  for (int i = last; i >= 0; i--) {
+    const int j = path[i], above = tree.row_size[j] - 1;
+    const double p = w[j], old = 1 / diagonal_[j], now = old + by * p * p, part = by * p / now;
+    by *= old / now;
+    diagonal_[j] = 1 / now;
+    double* row = factor_.data() + tree.row_start[j];
+    for (int c = 0; c < above; c++) {
+      w[path[c]] -= p * row[c];
+      row[c] += part * w[path[c]];
+    }
+  }
+}
+
+// Brings the factor of M + h (D + slopes) up to date: by its changes where they are few, else anew.
+void Implicit::refresh(int count, const Tree& inertia, const double* damping, double h, bool anew) {
+  int changes = 0;
+  for (int i = 0; i < count; i++) {
+    const Unit& u = units[i];
+    changes += u.used != u.factored;
+    anew |= u.used != u.factored && (u.used == kInfinity || u.factored == kInfinity);
+  }
+  anew |= 2 * changes > count;
+  if (anew) {
+    std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
+    for (int i = 0; damping && i < inertia.n; i++) {
+      factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
+    }
+  }
+  for (int i = 0; i < count; i++) {
+    Unit& u = units[i];
+    if (anew) {
+      double* diagonal = &factor_[inertia.row_start[u.dof] + inertia.row_size[u.dof] - 1];
+      *diagonal = u.used == kInfinity ? kHold * *diagonal : *diagonal + h * u.used;
+    } else if (u.used != u.factored) {
+      update(inertia, u.dof, h * (u.used - u.factored));
+    }
+    u.factored = u.used;
+  }
+  if (anew) factor(inertia);
 }
 
 void Implicit::substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const {
@@ -81,6 +129,9 @@ void Implicit::tangent(Unit* u, double at, double h) const {
   u->value = u->joint->torque_ahead(u->now, u->state, h, at, side);
   const double beyond = u->joint->torque_ahead(u->now, u->state, h, at + side * small, side);
   u->used = u->slope = std::max(0.0, (u->value - beyond) * side / small);
+  u->seen = at;
+  u->off = 0;
+  u->law = u->value;
 }
 
 // The motion has come to standstill or starts from there: where the law jumps it holds for now, else its tangent at
@@ -110,16 +161,22 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
     return false;
   }
   const double side = velocity > u->still ? 1 : velocity < u->still ? -1 : u->side;
-  const double f = u->joint->torque_ahead(u->now, u->state, h, velocity, side);
   u->torque = u->value - u->used * (velocity - u->origin);
-  const double off = std::fabs(f - u->torque), size = std::fabs(f) + std::fabs(u->torque);
-  if (off <= kExact * size) return true;
   // Acting in place of its tangent, f changes the velocity, and the law is off by what it changes over that. The
   // step itself errs by about half the change of torque over it; much less than that is good enough. On the side
   // that the joint comes from more and more of it slips, so that the slope known bounds those to come; unless there is
   // a load to run into.
   const bool softens = side * (now - u->still) > 0 && !u->joint->has_load();
   const double bound = softens ? std::max(u->slope, u->used) : u->steepest;
+  // Since it was looked at last, the law has come off its tangent by no more than this: no need to look again.
+  const double drift = std::fabs(velocity - u->seen) * std::max(u->steepest, u->used);
+  if ((u->off + drift) * h * bound * u->weight <= kLeft * std::fabs(u->law - u->start)) return true;
+  const double f = u->joint->torque_ahead(u->now, u->state, h, velocity, side);
+  const double off = std::fabs(f - u->torque), size = std::fabs(f) + std::fabs(u->torque);
+  u->seen = velocity;
+  u->off = off;
+  u->law = f;
+  if (off <= kExact * size) return true;
   if (off * h * bound * u->weight <= kLeft * std::fabs(f - u->start)) {
     u->torque = f;
     return true;
@@ -167,11 +224,13 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
     u.side = sign(velocity[u.dof] - u.still);
     u.origin = u.still;
     u.value = u.start = u.torque;
+    u.seen = kUnset;
     if (u.slope < 0) hold_or_start(&u, u.side != 0 ? u.side : 1, h);
     u.used = h * u.slope * u.weight < kSoft ? 0 : u.slope;
   }
 
   double* dv = change_.data();
+  bool factored = false;
   for (int iteration = 0; iteration < kIterations; iteration++) {
     bool holds = false, level = !damped && inertia.factor;
     for (int i = 0; i < n; i++) dv[i] = h * tau[i];
@@ -189,21 +248,14 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
     if (level && !holds) {
       substitute(inertia, inertia.factor, inertia.inverse_diagonal, dv);
     } else {
-      std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
-      for (int i = 0; damped && i < n; i++) {
-        factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
-      }
-      for (int i = 0; stiff && i < count; i++) {
+      refresh(stiff ? count : 0, inertia, damped ? damping : nullptr, h, !factored);
+      factored = true;
+      for (int i = 0; holds && i < count; i++) {
         const Unit& u = units[i];
-        double* diagonal = &factor_[inertia.row_start[u.dof] + inertia.row_size[u.dof] - 1];
-        if (u.used == kInfinity) {
-          dv[u.dof] = kHold * *diagonal * (u.still - velocity[u.dof]);
-          *diagonal *= kHold;
-        } else {
-          *diagonal += h * u.used;
-        }
+        const int k = u.dof, end = inertia.row_start[k] + inertia.row_size[k] - 1;
+        const double diagonal = inertia.value[end] + (damped ? h * damping[k] : 0);
+        if (u.used == kInfinity) dv[k] = kHold * diagonal * (u.still - velocity[k]);
       }
-      factor(inertia);
       substitute(inertia, factor_.data(), diagonal_.data(), dv);
     }
     if (!stiff) return solve_alone(count, damped ? damping : nullptr, velocity, dv, h);

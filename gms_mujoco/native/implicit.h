@@ -47,6 +47,8 @@ class Implicit {
     double start;                       // torque at the anchor
     double still, side, origin, value;  // velocity of no displacement; side of it; point of the tangent
     double used;                        // slope of the tangent in use: 0 where little depends on it
+    double factored;                    // the slope that the factor has
+    double seen, off, law;              // where the law was looked at last, how far off its tangent it was, and itself
     double forward, backward;           // torque at the onset of motion either way; NaN: not looked at
   };
 
@@ -63,11 +65,13 @@ class Implicit {
   void tangent(Unit* unit, double at, double h) const;
   void hold_or_start(Unit* unit, double side, double h) const;
   void solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h);
+  void refresh(int count, const Tree& inertia, const double* damping, double h, bool anew);
   void factor(const Tree& tree);
+  void update(const Tree& tree, int k, double by);
   void substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const;
   void sweep(int count, const Tree& inertia, const double* damping, const double* velocity, const double* tau, double h);
 
-  std::vector<double> factor_, diagonal_, change_, product_, response_, free_, push_, solved_;
+  std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;
 };
 
