@@ -36,6 +36,10 @@ class Joint:
     resolution: float | None = None
     others: Mapping[str, str] = field(default_factory=dict)
 
+    def kind_of(self, name: str) -> str:
+        """Kind of a joint of the model by name; of this one for any other name."""
+        return self.others.get(name, self.kind)
+
 
 def of_joint(table: Mapping[str, Any], what: str, joint: Joint) -> tuple[dict[str, Any], dict[str, Any]]:
     """A table by column, with the columns that are tables by joint taken apart.

@@ -272,6 +272,8 @@ def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> flo
     inertia = np.broadcast_to(inertia_along(r, plant.driven_inertia), len(r))
     rigid = r.get("rigid_torque")
     torque = torque if rigid is None else torque - np.repeat(rigid, _SUBSTEPS)
+    if inertia.min() <= 0:  # an effect has taken more inertia behind a coupling than there is
+        return float("nan")
     length = max(round(WINDOW / r.sample_time), 2)
     wrong, moved = [], []
     for a in range(int(o.index[0]), len(r) - length, length):
@@ -284,10 +286,12 @@ def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> flo
             temperature=None if fine_temperature is None else fine_temperature[here],
         )  # fmt: skip
         # Half a time step of the velocity back: see simulate.
-        lead = 0.5 * r.sample_time / _SUBSTEPS * (motion.velocity[-1] - motion.velocity[0])
-        simulated = motion.position[-1] - motion.position[0] - lead
+        with np.errstate(over="ignore", invalid="ignore"):
+            lead = 0.5 * r.sample_time / _SUBSTEPS * (motion.velocity[-1] - motion.velocity[0])
+            simulated = motion.position[-1] - motion.position[0] - lead
         measured = o.position[a + length] - o.position[a]
         wrong.append(simulated - measured)
         moved.append(measured)
     below = float(np.sqrt(np.mean(np.square(moved)))) if moved else 0.0
-    return float(np.sqrt(np.mean(np.square(wrong)))) / below if below > 0 else float("nan")
+    with np.errstate(over="ignore", invalid="ignore"):  # a motion that runs away has an infinite error
+        return float(np.sqrt(np.mean(np.square(wrong)))) / below if below > 0 else float("nan")

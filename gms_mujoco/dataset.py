@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import columns, files, formats, frf_table, timing
+from . import columns, files, formats, frf_table, plausible, timing
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
 from .frf import FRF, INPUTS, response_unit
@@ -116,10 +116,10 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         notes = frf_table.listed(frfs)
         records, others = [], []
         for i, entry in enumerate(entries, 1):
-            record, more, note = _record(f"record {i}", entry, file.parent, axis)
+            record, more, done = _record(f"record {i}", entry, file.parent, axis)
             records.append(record)
             others.append(more)
-            notes += [f"{record.name}: {note}"] if note else []
+            notes += [f"{record.name}: {note}" for note in done]
         if entries and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
         if axis.in_amperes:
@@ -129,6 +129,8 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             records, note = axis.robot.on(records, others)
             notes.append(note)
         records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
+        if records:
+            notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
         if frfs:
             given = any(e.get("use") for e in _list(table, "frf"))
             frfs, said = (frfs, "as given") if given else _split_frfs(frfs)
@@ -174,8 +176,8 @@ def save(
 
 def _record(
     key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
-) -> tuple[Record, dict[str, Array], str | None]:
-    """A record, the measured positions of other joints of the robot, and what was done to it."""
+) -> tuple[Record, dict[str, Array], list[str]]:
+    """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each."""
     expect_known(entry, _KEYS["record"], f"{key}: ")
     name = entry.get("file")
     if not isinstance(name, str) or not name:
@@ -211,13 +213,19 @@ def _record(
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
                                 'or torque_constant = "unknown" to stay in A')
             signals["torque"] = axis.torque_constant * signals.pop("current")
+        notes = [plausible.trimmed(signals)]
         columns.check(table, signals)
+        for key in [k for k in signals if k.startswith("position")]:
+            if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":
+                signals[key], note = plausible.unwrapped(signals[key], key)
+                notes.append(note)
         time, signals, note = timing.evenly(signals.pop("time"), signals)
+        notes.append(note)
         others = {k: signals.pop(f"position of {k}") for k in elsewhere}
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
     short = Path(name).name if Path(name).is_absolute() else name
-    return Record(short, time, signals, use, axis.joint.resolution), others, note
+    return Record(short, time, signals, use, axis.joint.resolution), others, [n for n in notes if n]
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:

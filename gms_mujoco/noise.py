@@ -74,7 +74,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     f = spectra[0][0]
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
-    density = np.quantile([signal.medfilt(d, _BINS) for _, d in spectra], _QUIETER, axis=0)[use]
+    density = np.quantile([signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for _, d in spectra], _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
     shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = np.zeros(2)

@@ -1,0 +1,107 @@
+"""Logs in odd shapes: what is harmless is put right and said, what cannot be right is refused or pointed out."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gms_mujoco import effects, formats
+from gms_mujoco.compare import compare
+from gms_mujoco.dataset import Dataset, load
+from gms_mujoco.errors import DataError
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.simulate import multisine, simulate
+
+INERTIA = 0.02
+PLANT = Plant.axis(INERTIA) + effects.find("coulomb")(coulomb=0.4) + effects.find("viscous")(coefficient=0.02)
+
+
+def measured(plant: Plant = PLANT, rms: float = 1.0, high: float = 20.0) -> Record:
+    command = multisine(3000, 1e-3, 0.3, high, rms, np.random.default_rng(1))
+    return simulate(plant, command, 1e-3, resolution=2 * np.pi / 2**18, torque_noise=5e-3, seed=1)
+
+
+RUN = measured()
+
+
+def logged(folder: Path, axis: str = "", entry: str = "", run: Record = RUN, **change: Callable) -> Dataset:
+    """The set of one record, some of whose columns are changed."""
+    columns = {"time": run.time, "torque": run.torque, "position": run.position}
+    columns |= {k: f(columns[k]) for k, f in change.items()}
+    formats.write(folder / "run.csv", columns)
+    text = f'[axis]\n{axis}\n[[record]]\nfile = "run.csv"\nuse = "fit"\n{entry}'
+    (folder / "dataset.toml").write_text(text)
+    return load(folder)
+
+
+def test_a_healthy_log_raises_no_doubt(tmp_path: Path) -> None:
+    assert logged(tmp_path, f"inertia = {INERTIA}").notes == ()
+    assert logged(tmp_path).notes == ()
+
+
+@pytest.mark.parametrize("axis", ["", f"inertia = {INERTIA}"])
+@pytest.mark.parametrize("wrong", ["torque", "position"])
+def test_a_wrong_sign_is_refused(axis: str, wrong: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"torque or position has the wrong sign, try scale = \{ torque = -1 \}"):
+        logged(tmp_path, axis, **{wrong: np.negative})
+    assert logged(tmp_path, axis, "scale = { torque = -1 }\n", torque=np.negative).notes == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_passive_joint_does_is_no_wrong_sign(seed: int, tmp_path: Path) -> None:
+    """Weight, spring and load behind a coupling give torque back for a while; slow motion hides the inertia."""
+    hidden = (
+        effects.find("gravity")(amplitude=2.0, phase=1.0), effects.find("spring")(stiffness=6.0),
+        effects.find("flexible_coupling")(inertia=0.014, frequency=8.0),
+        effects.find("delay")(time=2e-3),
+    )[seed]  # fmt: skip
+    logged(tmp_path, run=measured(PLANT + hidden))
+    logged(tmp_path, run=measured(PLANT + hidden, high=2.0))
+
+
+def test_milliseconds_taken_for_seconds_are_pointed_out(tmp_path: Path) -> None:
+    (note,) = logged(tmp_path, time=lambda t: 1000 * t).notes
+    assert 'units = { time = "ms" }' in note and "1 s apart" in note
+
+
+def test_degrees_taken_for_radians_show_in_a_known_inertia(tmp_path: Path) -> None:
+    (note,) = logged(tmp_path, f"inertia = {INERTIA}", position=np.degrees).notes
+    assert "0.02 kg m^2 is given" in note and "deg read as rad" in note
+
+
+def test_rows_without_numbers_are_left_out_at_the_ends_only(tmp_path: Path) -> None:
+    def cut(at: slice) -> Callable:
+        def change(q: np.ndarray) -> np.ndarray:
+            q = q.copy()
+            q[at] = np.nan
+            return q
+
+        return change
+
+    runs = logged(tmp_path, position=cut(slice(-9, None)))
+    assert len(runs.fit[0]) == len(RUN) - 9 and "9 at the end are not all numbers" in runs.notes[0]
+    for at in (slice(1000, 1002), slice(-900, None)):
+        with pytest.raises(DataError, match="position is nan"):
+            logged(tmp_path, position=cut(at))
+
+
+def test_a_position_that_wraps_is_unwrapped(tmp_path: Path) -> None:
+    turning = measured(PLANT + effects.find("torque_offset")(torque=0.7))
+    assert np.ptp(turning.position) > 4 * np.pi, "several turns"
+    runs = logged(tmp_path, run=turning, position=lambda q: np.mod(q, 2 * np.pi))
+    assert np.allclose(np.diff(runs.fit[0].position), np.diff(turning.position), atol=1e-9)
+    assert "unwrapped" in runs.notes[0]
+    once = logged(tmp_path, run=turning, position=lambda q: q + 5.0 * (np.arange(len(q)) > 700))
+    assert "unwrapped" not in " ".join(once.notes), "any other jump is the user's"
+
+
+def test_few_samples_are_called_few(tmp_path: Path) -> None:
+    short = RUN.slice(0, 120)
+    assert "only 120 samples to fit" in " ".join(logged(tmp_path, run=short).notes)
+
+
+def test_more_inertia_behind_a_coupling_than_there_is_leaves_no_forward_simulation() -> None:
+    too_much = PLANT + effects.find("flexible_coupling")(inertia=0.03, frequency=8.0)
+    assert np.isnan(compare(too_much, [RUN]).simulation_error)
