@@ -3,69 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from . import effects
 from .compare import Comparison, compare_observations, quick_torque_error
+from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import FitResult, Progress, baseline, fit_observations, refine, rough_fit
+from .fit import Progress, baseline, relative_error
 from .frf_observation import Seen
 from .intervals import block_sums
 from .inverse import Observation
-from .least_squares import nudge
-from .misfit import Misfit
 from .observe import observe
 from .plant import Plant
 from .remainder import describe
-from .screen import BLOCK, Candidate, Screen, applicable, cross_validated, is_present
+from .screen import BLOCK, Screen
+from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
 
 Array = NDArray[np.float64]
-
-MOST_EFFECTS = 4  # added in a row
-FALSE_DISCOVERY_RATE = 0.01
-LEAST_GAIN = 0.2  # of the squared error on held-out blocks (a tenth of the error): less is not worth an effect
-AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
-NOTHING_LEFT = 1.1  # times the noise floor: below it there is nothing that an effect could explain
-_CONTENDERS = 6  # candidates that are fitted jointly, roughly
-_FINALISTS = 2  # of them, fitted to the end
-_WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
-_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
-
-
-@dataclass(frozen=True)
-class Step:
-    """One plant on the way: the baseline, or the plant before with one effect more.
-
-    Attributes:
-        effect: what was added; None for the baseline.
-        result: the joint fit.
-        comparison: on the validate records, made after every choice; None where there are none.
-        evidence: one sentence that a person can check on a plot.
-        confusable_with: effects that these records cannot tell from the one added.
-        p_value: of the fall of the error on held-out blocks.
-        held_out: (blocks,) squared residual of each block of the fit records, left by a fit without it.
-    """
-
-    effect: str | None
-    result: FitResult
-    comparison: Comparison | None = None
-    confusable_with: tuple[str, ...] = ()
-    p_value: float = float("nan")
-    held_out: Array = field(default_factory=lambda: np.empty(0), repr=False)
-    evidence: str = ""
-
-    @property
-    def validate_error(self) -> float | None:
-        """Pooled torque error on the validate records."""
-        return None if self.comparison is None else self.comparison.torque_error
-
 
 @dataclass(frozen=True)
 class Rejected:
@@ -88,6 +48,7 @@ class Diagnosis:
         candidates: what was tried on the final plant and left out.
         remainder: what is left looks like this; empty where nothing is.
         next_experiment: what to measure next, None where there is nothing to settle.
+        notes: a sentence on each candidate of the user's own.
     """
 
     verdict: str
@@ -96,7 +57,7 @@ class Diagnosis:
     candidates: tuple[Rejected, ...] = ()
     remainder: str = ""
     next_experiment: str | None = None
-    notes: tuple[str, ...] = field(default_factory=tuple)
+    notes: tuple[str, ...] = ()
 
     @property
     def baseline(self) -> Plant:
@@ -151,6 +112,8 @@ class Diagnosis:
                 lines.append(f"These records cannot tell it from {', '.join(s.confusable_with)}.")
         if self.remainder:
             lines += ["", f"What remains: {self.remainder}"]
+        if self.notes:
+            lines += ["", *self.notes]
         if self.next_experiment:
             lines += ["", f"Measure next: {self.next_experiment}"]
         return "\n".join(lines)
@@ -170,7 +133,13 @@ def _step_dict(step: Step, final: Plant) -> dict[str, Any]:
     return out
 
 
-def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | None = None) -> Diagnosis:
+def diagnose(
+    runs: Dataset,
+    plant: Plant | None = None,
+    *,
+    candidates: Sequence[Shape] = (),
+    progress: Progress | None = None,
+) -> Diagnosis:
     """The whole loop: fit the baseline, find the effect that is missing, add it, refit, until nothing more earns it.
 
     Every effect of the catalogue is screened at the price of a few replays, the best are refitted jointly with the
@@ -181,10 +150,14 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
     Args:
         runs: a measurement set with at least one fit record.
         plant: where to start from; None: the default baseline.
+        candidates: functions (time, position, velocity) -> torque of arrays (n,), causes that you suspect. Each is
+            scored on the final plant, in a joint linear refit of its strength and the plant, by the same test on
+            blocks not seen, and reported among the candidates by its name; it is not added. An effect in one file
+            (see CONTRIBUTING) is.
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: there is nothing to fit.
+        DataError: there is nothing to fit, or a candidate gives no torque for each sample.
     """
     report = progress or (lambda done, message: None)
     if not runs.fit:
@@ -195,10 +168,12 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
     bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
-    search = _Search(seen, select, start)
+    search = Search(seen, select, start)
     search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
-    for k in range(MOST_EFFECTS):
-        lower, width = 0.22 + 0.6 * k / MOST_EFFECTS, 0.6 / MOST_EFFECTS
+    for k in range(MOST_ROUNDS):
+        lower, width = 0.22 + 0.6 * k / MOST_ROUNDS, 0.6 / MOST_ROUNDS
+        if len(search.steps) > MOST_EFFECTS:
+            break
         if not search.add_one(lambda done, message, a=lower, b=width: report(a + b * done, message)):  # type: ignore[misc]
             break
     report(0.85, "checking the order")
@@ -219,13 +194,17 @@ def diagnose(runs: Dataset, plant: Plant | None = None, *, progress: Progress | 
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
+    found = _conclude(steps, rejected, floor, search)
+    if candidates:
+        report(0.95, "scoring your candidates")
+        found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")
-    return _conclude(steps, rejected, floor, search)
+    return found
 
 
-def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: _Search) -> Diagnosis:
+def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search) -> Diagnosis:
     last = steps[-1].result
-    at_floor = search.error <= AT_FLOOR * last.floor
+    at_floor = search.at_floor
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = "" if at_floor else describe(last.misfit, last.vector)
@@ -245,140 +224,30 @@ def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: fl
     return Diagnosis(verdict, floor, steps, rejected, remainder, following)
 
 
+def _with_shapes(
+    found: Diagnosis, shapes: Sequence[Shape], search: Search, validate: Sequence[Seen]
+) -> Diagnosis:
+    """The diagnosis with the user's own candidates, scored on the final plant."""
+    last, comparison = search.steps[-1].result, found.steps[-1].comparison
+    screen = Screen(last.misfit, last.vector)
+    scored, notes = [], []
+    for shape in shapes:
+        name = name_of(shape)
+        gain, strength, held_out = screen.shape(column(shape, last.misfit.observations, last.plant))
+        p = p_value(screen.held_out, held_out)
+        error = None
+        if comparison:
+            own = column(shape, validate, last.plant)
+            errors = np.concatenate([r.residual for r in comparison.records]) + strength * own
+            splits = np.cumsum([len(r.residual) for r in comparison.records])[:-1]
+            error = relative_error(np.split(errors, splits), [r.measured for r in comparison.records])
+        scored.append(Rejected(name, p, error))
+        notes.append(f"{name}: takes {100 * gain:.0f} % of the squared error (p = {p:.1g} on held-out blocks)")
+    return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
+
+
 def _lowered(text: str) -> str:
     return text[:1].lower() + text[1:]
-
-
-class _Search:
-    """The state of the loop: the steps so far, and what the last round thought of every candidate."""
-
-    def __init__(self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant) -> None:
-        self.seen, self.select, self.start = list(seen), list(select), start
-        self.steps: list[Step] = []
-        self.rejected: list[tuple[str, float, Plant]] = []
-
-    @property
-    def held_out(self) -> Array:
-        """(blocks,) squared residuals of the current plant on held-out blocks."""
-        return self.steps[-1].held_out
-
-    @property
-    def error(self) -> float:
-        """Torque error on held-out blocks of the current plant."""
-        result = self.steps[-1].result
-        return result.error * float(np.sqrt(self.held_out.sum() / max(result.misfit.cost(result.vector), 1e-300)))
-
-    def first(self, report: Progress) -> None:
-        result = fit_observations(self.start, self.seen, progress=report)
-        self.steps.append(Step(None, result, held_out=cross_validated(result.misfit, result.vector)))
-
-    def add_one(self, report: Progress) -> bool:
-        """Adds the effect that earns it most; False where none does."""
-        current = self.steps[-1].result
-        report(0.0, "screening the catalogue")
-        screen = Screen(current.misfit, current.vector)
-        scored = [c for c in map(screen.candidate, applicable(current.plant, self.seen)) if c is not None]
-        scored.sort(key=lambda c: -c.gain)
-        p_values = {c.effect.name: _p_value(self.held_out, c.held_out) for c in scored}
-        plants = {c.effect.name: current.plant + c.effect for c in scored}
-
-        promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
-        rough: list[tuple[str, Misfit, Array]] = []
-        for i, c in enumerate(promising):
-            report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
-            rough.append((c.effect.name, *self._tried(current, c)))
-        rough.sort(key=lambda t: t[1].cost(t[2]))
-        trials: list[tuple[str, FitResult, Array]] = []
-        for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
-            report(0.7 + 0.1 * i, f"refitting with {name}")
-            result = refine(misfit, x)
-            if i == 0 and result.error > AT_FLOOR * result.floor:
-                result = min(result, self._afresh(result.plant, name), key=_error)
-            trials.append((name, result, cross_validated(result.misfit, result.vector)))
-        self._settle_for(trials)
-        p_values |= {name: _p_value(self.held_out, h) for name, _, h in trials}
-        plants |= {name: r.plant for name, r, _ in trials}
-        self.rejected = [(name, p, plants[name]) for name, p in p_values.items()]
-        # What distorts the torque also raises the noise that a model without it reports: the lowest floor counts.
-        if self.error <= NOTHING_LEFT * min(r.floor for r in (self.steps[-1].result, *(t[1] for t in trials))):
-            return False
-        return self._accept(trials, p_values)
-
-    def _accept(self, trials: Sequence[tuple[str, FitResult, Array]], p_values: dict[str, float]) -> bool:
-        passed = _discoveries(p_values)
-        earned = [
-            (name, result, held_out)
-            for name, result, held_out in trials
-            if name in passed
-            and held_out.sum() < (1 - LEAST_GAIN) * self.held_out.sum()
-            and is_present(result.plant[name])
-            and self._selects(result)
-        ]
-        if not earned:
-            return False
-        # Of those that are as good as the best the one with the fewest free parameters.
-        best = min(earned, key=lambda t: t[2].sum())
-        equal = [t for t in earned if _p_value(t[2], best[2]) > _CONFUSABLE]
-        name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
-        confusable = tuple(t[0] for t in equal if t[0] != name)
-        self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
-        return True
-
-    def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
-        """Lets the current plant keep what a trial found for it.
-
-        A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
-        that gain is the plant's own and must not be counted for the effect.
-        """
-        for name, result, held_out in trials[:1]:
-            if held_out.sum() < (1 - LEAST_GAIN) * self.held_out.sum():
-                alone = refine(*_without(result, name))
-                if alone.error < self.steps[-1].result.error:
-                    again = cross_validated(alone.misfit, alone.vector)
-                    self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
-
-    def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
-        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
-        plant = current.plant + candidate.effect
-        misfit = Misfit(plant, self.seen)
-        memories = current.misfit.memories(current.vector, misfit.n_memory)
-        x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
-        if not candidate.strong:
-            return misfit, x
-        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), self.seen)
-        return min(((misfit, x), other), key=lambda t: t[0].cost(t[1]))
-
-    def _fresh(self, near: Plant, name: str) -> Plant:
-        """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""
-        fresh = self.start
-        for added in (*(s.effect for s in self.steps if s.effect), name):
-            fresh = fresh + near[added]
-        return fresh
-
-    def _afresh(self, near: Plant, name: str) -> FitResult:
-        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
-        return fit_observations(self._fresh(near, name), self.seen)
-
-    def _selects(self, result: FitResult) -> bool:
-        """Whether the select records, where there are some, agree."""
-        if not self.select:
-            return True
-        before, after = (
-            compare_observations(p, self.select).torque_error for p in (self.steps[-1].result.plant, result.plant)
-        )
-        return after < before
-
-    def drop_idle(self) -> None:
-        """Takes away again an effect that a later one has made superfluous."""
-        for k in range(len(self.steps) - 2, 0, -1):
-            name = self.steps[k].effect
-            assert name is not None
-            last = self.steps[-1]
-            without = refine(*_without(last.result, name))
-            held_out = cross_validated(without.misfit, without.vector)
-            if _p_value(held_out, last.held_out) > FALSE_DISCOVERY_RATE:
-                final = replace(last, result=without, held_out=held_out)
-                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], final]
 
 
 def _evidence(before: Step, step: Step) -> str:
@@ -394,40 +263,6 @@ def _evidence(before: Step, step: Step) -> str:
     )
 
 
-def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
-    plant = result.plant.without(name)
-    misfit = Misfit(plant, result.misfit.observations)
-    if misfit.n_memory == result.misfit.n_memory:
-        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
-    return misfit, misfit.vector(plant)
-
-
-def _error(result: FitResult) -> float:
-    return result.error
-
-
 def _by_record(observations: Sequence[Seen], blocks: Array) -> list[Array]:
     counts = [len(block_sums([o], np.ones((len(o.index), 1)), BLOCK)) for o in observations]
     return np.split(blocks, np.cumsum(counts)[:-1])
-
-
-def _p_value(before: Array, after: Array) -> float:
-    """Of the hypothesis that the squared error of the blocks does not fall, by a one-sided t-test.
-
-    On the logarithm of the ratio: an effect that acts at high speed makes a few blocks fall so far that their mean
-    would hide how surely they do.
-    """
-    fall = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
-    if len(fall) < 3 or not np.any(np.abs(fall) > 1e-9):
-        return 1.0
-    return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
-
-
-def _discoveries(p_values: dict[str, float]) -> set[str]:
-    """Names that pass with the false discovery rate controlled over all of them (Benjamini and Hochberg 1995)."""
-    ranked = sorted(p_values, key=p_values.__getitem__)
-    passed = 0
-    for i, name in enumerate(ranked, 1):
-        if p_values[name] <= FALSE_DISCOVERY_RATE * i / len(ranked):
-            passed = i
-    return set(ranked[:passed])

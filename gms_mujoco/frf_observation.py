@@ -88,6 +88,11 @@ class FrfObservation:
         return np.arange(2 * len(self.frf))
 
     @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(2 n,) all: every point has its own uncertainty."""
+        return np.ones(len(self.index), bool)
+
+    @property
     def duration(self) -> float:
         """The longest period [s]."""
         return 1 / float(self.frf.frequency[0])

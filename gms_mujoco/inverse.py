@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, optimize, signal
+from scipy import interpolate, ndimage, optimize, signal
 
 from . import native
 from .effect import Effect
@@ -34,6 +34,7 @@ _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are follow
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
+_STUCK = 1.5  # counts of the encoder
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
 
@@ -56,6 +57,19 @@ def second_difference(q: Array, h: float) -> Array:
     out = np.zeros_like(q)
     out[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / h**2
     return out
+
+
+def count_size(record: Record) -> float:
+    """Position of one encoder count: declared, or read off as the common step of the positions; 0 if none."""
+    if record.resolution:
+        return record.resolution
+    steps = np.abs(np.diff(np.unique(record.position)))
+    steps = steps[steps > 1e-12 * max(np.ptp(record.position), 1e-300)]
+    if not len(steps):
+        return 0.0
+    smallest = float(np.min(steps))
+    off = np.abs(record.position / smallest - np.round(record.position / smallest))
+    return smallest if np.mean(off < 0.1) > 0.9 else 0.0
 
 
 @dataclass(frozen=True)
@@ -128,6 +142,18 @@ class Observation:
     def time(self) -> Array:
         """(m,) [s]."""
         return self.record.time[self.index]
+
+    @cached_property
+    def determined(self) -> NDArray[np.bool_]:
+        """(m,) where the axis moves by more than its encoder resolves.
+
+        Elsewhere friction is whatever holds the axis: below one count even a perfect model cannot say how far the
+        contact is bent. What is left there speaks for no model and against none.
+        """
+        q, count = self.record.position, count_size(self.record)
+        width = 2 * max(round(1 / (self.bandwidth * self.record.sample_time)), 1) + 1
+        span = ndimage.maximum_filter1d(q, width) - ndimage.minimum_filter1d(q, width)
+        return np.asarray(span[self.index] > _STUCK * count if count else np.ones(len(self.index), bool))
 
     def opening(self, duration: float) -> Observation:
         """The same observation of the first part of the record [s]."""

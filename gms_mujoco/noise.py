@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import optimize, signal
 
 from .frf_observation import Seen
-from .inverse import Observation, held_mean, second_difference
+from .inverse import Observation, count_size, held_mean, second_difference
 from .plant import Plant
 from .record import Record
 
@@ -39,19 +39,6 @@ class Noise:
     torque: float
     position: float
     resolution: float
-
-
-def count_size(record: Record) -> float:
-    """Position of one encoder count: declared, or read off as the common step of the positions; 0 if none."""
-    if record.resolution:
-        return record.resolution
-    steps = np.abs(np.diff(np.unique(record.position)))
-    steps = steps[steps > 1e-12 * max(np.ptp(record.position), 1e-300)]
-    if not len(steps):
-        return 0.0
-    smallest = float(np.min(steps))
-    off = np.abs(record.position / smallest - np.round(record.position / smallest))
-    return smallest if np.mean(off < 0.1) > 0.9 else 0.0
 
 
 def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from .misfit import Misfit
 Array = NDArray[np.float64]
 
 _NOTABLE = 0.25  # of the squared residual
+_DENSER = 3  # odds of the squared residual over odds of the time
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
@@ -54,10 +56,21 @@ def describe(misfit: Misfit, vector: Array) -> str:
         if share > _NOTABLE:
             said.append(f"{what} ({100 * share:.0f} %)")
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
-    at_rest = float(np.sum(residual[slow] ** 2)) / total
-    if at_rest > max(2 * float(np.mean(slow)), _NOTABLE):
-        share = 100 * float(np.mean(slow))
-        said.append(f"around standstill and reversals ({100 * at_rest:.0f} % in {share:.0f} % of the time)")
+    blind = float(np.sum(residual[~np.concatenate([x.determined for x, _ in runs])] ** 2)) / total
+    forward, backward = velocity > 0, velocity < 0
+    fast = np.abs(velocity) > 0.7 * np.abs(velocity).max(initial=0.0)
+    for where, what in (
+        (slow, "around standstill and reversals"),
+        (forward & ~slow, "while moving forward"),
+        (backward & ~slow, "while moving backward"),
+        (fast & ~slow, "at high speed"),
+    ):
+        share, time = float(np.sum(residual[where] ** 2)) / total, float(np.mean(where))
+        if share > _NOTABLE and share * (1 - time) > _DENSER * time * (1 - share):
+            said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
+    if blind > _NOTABLE:
+        said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
+    said += _course(runs, total)
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
@@ -72,6 +85,27 @@ def _where(o: FrfObservation, rows: Array) -> str:
     inside = np.searchsorted(np.cumsum(square) / square.sum(), (0.1, 0.9))
     low, high = o.frf.frequency[np.minimum(inside, len(square) - 1)]
     return f"in {o.name} from {low:.3g} to {high:.3g} Hz (80 %)"
+
+
+def _course(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str]:
+    """What the residual does in the course of a record: it jumps once, grows or fades."""
+    said = []
+    best = (0.0, 0.0, "")
+    for o, r in runs:
+        n = np.arange(1, len(r))
+        early, late = np.cumsum(r)[:-1] / n, np.cumsum(r[::-1])[::-1][1:] / n[::-1]
+        share = (late - early) ** 2 * n * n[::-1] / len(r) / total  # of the square, that the two means carry
+        inner = slice(len(n) // 10, len(n) - len(n) // 10)
+        at = int(np.argmax(share[inner])) + inner.start
+        best = max(best, (float(share[at]), float(o.time[at]), o.record.name))
+    if best[0] > _NOTABLE:
+        said.append(f"a jump at {best[1]:.3g} s in {best[2]} ({100 * best[0]:.0f} %)")
+    thirds = np.array([[float(p @ p) for p in np.array_split(r, 3)] for _, r in runs if len(r) > 2]).sum(0)
+    if thirds[2] > 3 * thirds[0] and thirds[2] > thirds[1]:
+        said.append("growing with time")
+    elif thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
+        said.append("fading with time")
+    return said
 
 
 def _explained(x: Array, residual: Array, bins: int = 40) -> float:

@@ -22,6 +22,7 @@ from . import effects
 from .effect import Effect
 from .frf_observation import FrfObservation, Seen
 from .intervals import block_sums
+from .inverse import Observation
 from .misfit import Misfit
 from .parameter import Parameter
 from .plant import Plant
@@ -33,6 +34,7 @@ Array = NDArray[np.float64]
 BLOCK = 0.5  # s; residuals further apart than this are taken as independent
 FOLDS = 5
 _ORDERS = 48  # harmonics tried per revolution
+_FINER = (1.41, 1.19)  # factors between the values of a grid
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -53,6 +55,31 @@ class Candidate:
     strong: Effect | None = None
 
 
+@dataclass
+class _Best:
+    """The best so far by tangents, and at strengths that are not small: gain, effect, columns."""
+
+    weak: tuple[float, Effect, Array] | None = None
+    strong: tuple[float, Effect, Array] | None = None
+    shape: dict[str, float] | None = None  # of the best by its tangents
+    out_of_bounds: Effect | None = None
+
+
+def joined(plant: Plant, effect: Effect) -> Plant:
+    """The plant with an effect added, or with its elements added to those that the plant has of it."""
+    if effect.name not in plant:
+        return plant + effect
+    known = plant[effect.name]
+    own = {p.name for p in effect.parameters if p.per_element}
+    more = {k: (*np.atleast_1d(v), *np.atleast_1d(effect.values[k])) for k, v in known.values.items() if k in own}
+    return plant.replace(known.replace(**more))
+
+
+def grows(effect: type[Effect]) -> bool:
+    """Whether an effect is a series of harmonics, to which one more can be added."""
+    return any(p.unit == "1/rev" and p.per_element for p in effect.parameters)
+
+
 class Screen:
     """Scores effects against one fitted plant.
 
@@ -69,43 +96,72 @@ class Screen:
         self.residual = misfit.residual(vector)
         self.scales = Scales.of(misfit.observations)
         self.model = LinearModel(misfit, vector, self.residual)
+        self._left = float(self.model.residual @ self.model.residual)
         self.held_out = self.model.held_out()
 
     def candidate(self, effect: type[Effect]) -> Candidate | None:
-        """The best way to add an effect; None where the data cannot show it (no motion, signal missing)."""
-        # The best by its tangents, and the best at strengths that are not small.
-        weak: tuple[float, Effect, Array] | None = None
-        strong: tuple[float, Effect, Array] | None = None
-        out_of_bounds: Effect | None = None
-        for shape in shapes(effect, self.scales, self.misfit.observations):
-            columns, names = self._tangents(effect, shape)
-            free = self.model.without(columns)
-            seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
-            if not seen.any():
-                continue
-            strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
-            if strength.any() and not strength[seen].all():  # the others must do without those out of bounds
-                seen &= strength != 0
-                strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
-            seen &= strength != 0
-            started = _started(effect, shape, names, -strength, self.scales)
-            out_of_bounds = out_of_bounds or started
-            if seen.any():
-                gain = self._gain(free @ strength)
-                if weak is None or gain > weak[0]:
-                    weak = gain, started, columns[:, seen]
-            for trial in _strong(effect, shape, self.scales):
-                change = self._change(trial)[:, None]
-                gain = self._gain(-self.model.without(change)[:, 0])
-                if np.isfinite(gain) and (strong is None or gain > strong[0]):
-                    strong = gain, trial, change
-        found = sorted((s for s in (weak, strong) if s is not None), key=lambda s: -s[0])
-        if not found:
+        """The best way to add an effect; None where the data cannot show it (no motion, signal missing).
+
+        An effect of several elements that the plant has already is given one more.
+        """
+        best = _Best()
+        tried = list(shapes(effect, self.scales, self.misfit.observations, self.plant))
+        for shape in tried:
+            self._try(best, effect, shape)
+        # Between the values of the grid, as far as the best by its tangents leads.
+        for factor in _FINER:
+            for name in [k for k in (best.shape or {}) if _is_continuous(effect, k)]:
+                assert best.shape is not None
+                around = best.shape
+                for by in (factor, 1 / factor):
+                    table = {p.name: p for p in effect.parameters}[name]
+                    value = float(np.clip(around[name] * by, table.lower, table.upper))
+                    self._try(best, effect, {**around, name: value})
+        if best.weak is None and best.strong is None:
             # It can be seen, but every strength that is allowed makes things worse.
-            return Candidate(out_of_bounds, 0.0, self.held_out) if out_of_bounds else None
-        gain, started, columns = found[0]
-        share = gain / max(float(self.residual @ self.residual), 1e-300)
-        return Candidate(started, share, self.model.held_out(columns), strong[1] if strong else None)
+            return Candidate(best.out_of_bounds, 0.0, self.held_out) if best.out_of_bounds else None
+        gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
+        share = gain / max(self._left, 1e-300)
+        strong = best.strong[1] if best.strong else None
+        return Candidate(started, share, self.model.held_out(columns), strong)
+
+    def _try(self, best: _Best, effect: type[Effect], shape: dict[str, float]) -> None:
+        """Scores an effect with one choice of its other parameters; `best` keeps it where it is better."""
+        columns, names = self._tangents(effect, shape)
+        free = self.model.without(columns)
+        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        # What does nothing at a strength that would matter is nothing but rounding.
+        typical = np.array([self.scales[u] for u in _units(effect, names)])
+        seen &= typical * np.sqrt((columns**2).sum(0)) > 1e-6 * math.sqrt(self._left)
+        if not seen.any():
+            return
+        strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
+        if strength.any() and not strength[seen].all():  # the others must do without those out of bounds
+            seen &= strength != 0
+            strength = self._allowed(effect, names, _least_squares(free, self.model.target, seen))
+        seen &= strength != 0
+        started = _started(effect, shape, names, -strength, self.scales)
+        best.out_of_bounds = best.out_of_bounds or started
+        if seen.any():
+            gain = self._gain(free @ strength)
+            if best.weak is None or gain > best.weak[0]:
+                best.weak, best.shape = (gain, started, columns[:, seen]), shape
+        for trial in _strong(effect, shape, self.scales):
+            change = self._change(trial)[:, None]
+            gain = self._gain(-self.model.without(change)[:, 0])
+            if np.isfinite(gain) and (best.strong is None or gain > best.strong[0]):
+                best.strong = gain, trial, change
+
+    def shape(self, torque: Array) -> tuple[float, float, Array]:
+        """Gain, strength, and squared residual of each block not seen, of a torque (m,) that has one strength."""
+        columns = (torque * self.model.determined)[:, None]
+        free = self.model.without(columns)
+        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        if not seen.any():
+            return 0.0, 0.0, self.held_out
+        strength = _least_squares(free, self.model.target, seen)
+        gain = self._gain(free @ strength) / max(self._left, 1e-300)
+        return gain, -float(strength[0]), self.model.held_out(columns)
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
@@ -113,10 +169,11 @@ class Screen:
 
     def _change(self, effect: Effect) -> Array:
         """(m,) what adding the effect does to the residual while everything else stays."""
-        moved = Misfit(self.plant + effect, self.misfit.observations)
+        plant = joined(self.plant, effect)
+        moved = Misfit(plant, self.misfit.observations)
         memories = self.misfit.memories(self.vector, moved.n_memory)
-        at = moved.vector(self.plant + effect, memories, self.misfit.skew(self.vector))
-        return moved.residual(at) - self.residual
+        at = moved.vector(plant, memories, self.misfit.skew(self.vector))
+        return (moved.residual(at) - self.residual) * self.model.determined
 
     def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
         """(m, k) derivatives of the residual, and which strength and phase each belongs to."""
@@ -156,34 +213,65 @@ def has_phase(effect: type[Effect]) -> bool:
     return any(p.name == "phase" for p in effect.parameters)
 
 
-def shapes(effect: type[Effect], scales: Scales, observations: Sequence[Seen]) -> Iterator[dict[str, float]]:
-    """Values to try for the parameters that are neither strengths nor phases."""
+def shapes(
+    effect: type[Effect], scales: Scales, observations: Sequence[Seen], plant: Plant | None = None
+) -> Iterator[dict[str, float]]:
+    """Values to try for the parameters that are neither strengths nor phases; no harmonic that `plant` has."""
     grids: dict[str, Sequence[float]] = {}
     for p in effect.parameters:
         if p.name == "phase" or not math.isnan(p.default):
             continue
-        values = _grid(p, 1 if effect.modulates else 2, scales, observations)
+        values: Sequence[float] | Array = _grid(effect, p, scales, observations)
+        if plant is not None and effect.name in plant:
+            values = [v for v in values if v not in np.atleast_1d(plant[effect.name].values[p.name])]
         grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
     for chosen in itertools.product(*grids.values()):
         yield dict(zip(grids, chosen, strict=True))
 
 
-def _grid(p: Parameter, first: int, scales: Scales, observations: Sequence[Seen]) -> Sequence[float] | Array:
+def _grid(
+    effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen]
+) -> Sequence[float] | Array:
     """What a parameter may typically be, by its unit and what the records span."""
+    span = float(np.median([np.ptp(o.position) for o in observations]))
     if p.unit == "1/rev":
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset.
         turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-        return [n for n in range(first, _ORDERS + 1) if n * turn >= 1]
+        return [n for n in range(1 if effect.modulates else 2, _ORDERS + 1) if n * turn >= 1]
     if p.unit == "Hz":
-        return max(o.bandwidth for o in observations) * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
+        highest = max(o.bandwidth for o in observations)
+        # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
+        if any(q.unit == "rad" for q in effect.parameters):
+            return np.minimum([30.0, 60.0, 120.0], [0.3 * highest, highest, highest])
+        return highest * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
     if p.unit == "s":
         return max(o.duration for o in observations) * np.array([0.05, 0.2, 0.8])
     if p.unit == "rad":
-        return np.median([float(np.ptp(o.position)) for o in observations]) * np.array([0.003, 0.01, 0.03, 0.1])
-    if p.unit == "N m":
+        finest = max(3 * max(_count(o) for o in observations), 1e-4 * span)
+        return np.geomspace(finest, max(0.1 * span, 2 * finest), 9)
+    if p.unit == "N m" and effect.kind == "drive":
         return max(float(np.abs(o.commands).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
+    if p.unit == "N m":
+        return scales.torque * np.array([0.2, 0.6])
+    if p.unit == "N m/rad":  # of a contact: it slips after a small part of the motion
+        return scales.torque / (span * np.array([1e-4, 1e-3, 1e-2]))
     return scales[p.unit] * np.array([0.1, 1.0, 10.0])
+
+
+def _count(o: Seen) -> float:
+    """Position of one encoder count; 0 where there is none or it is not known."""
+    return (o.record.resolution or 0.0) if isinstance(o, Observation) else 0.0
+
+
+def _is_continuous(effect: type[Effect], name: str) -> bool:
+    return any(p.name == name and p.unit in ("Hz", "rad", "s") for p in effect.parameters)
+
+
+def _units(effect: type[Effect], names: Sequence[tuple[str, float]]) -> list[str]:
+    """Unit of each strength; "" where the effect has none."""
+    table = {p.name: p.unit for p in effect.parameters}
+    return [table.get(name, "") for name, _ in names]
 
 
 def _valued(effect: type[Effect], values: dict[str, float], strength: dict[str, float]) -> Effect:
@@ -239,20 +327,24 @@ def _least_squares(columns: Array, target: Array, seen: NDArray[np.bool_]) -> Ar
 class LinearModel:
     """A least-squares problem near its solution: residual + tangents * move, with a prior on the move.
 
+    What the motion does not determine is left out.
+
     Args:
         misfit, vector, residual: the problem, its solution and the residual (m,) there.
     """
 
     def __init__(self, misfit: Misfit, vector: Array, residual: Array) -> None:
         self.observations = misfit.observations
-        self.residual = residual
-        tangents, reach = misfit.jacobian(vector, residual), misfit.reach(vector)
+        self.determined = determined(misfit)
+        tangents = misfit.jacobian(vector, residual) * self.determined[:, None]
+        self.residual = residual = residual * self.determined
+        reach = misfit.reach(vector)
         held = misfit.held(vector, gram(tangents, residual))
         self.columns = np.flatnonzero(~held & ((tangents**2).sum(0) > 0))
         self.reach = reach[self.columns]
         self.tangents = tangents[:, self.columns] * self.reach
         # In units of its reach a move is a standard normal; the residual's size is its noise.
-        self.prior = math.sqrt(float(np.mean(residual**2)))
+        self.prior = math.sqrt(float(residual @ residual) / max(int(self.determined.sum()), 1))
         own = gram(self.tangents, self.tangents)
         self._normal = linalg.cho_factor(own + (self.prior**2 + 1e-300) * np.eye(len(own)))
         self.target = self.without(residual[:, None])[:, 0]
@@ -293,6 +385,12 @@ class LinearModel:
             yield blocks, -np.linalg.solve(rest[:p, :p] + ridge, rest[:p, p])
 
 
+def determined(misfit: Misfit) -> NDArray[np.bool_]:
+    """(m,) where the motion says what friction does, see `Observation.determined`; all where it never does."""
+    found = np.concatenate([o.determined for o in misfit.observations])
+    return found if found.any() else ~found
+
+
 def cross_validated(misfit: Misfit, vector: Array) -> Array:
     """(blocks,) squared residual of each block of time, left by a refit without the blocks of its fold.
 
@@ -303,7 +401,7 @@ def cross_validated(misfit: Misfit, vector: Array) -> Array:
     """
     residual = misfit.residual(vector)
     model = LinearModel(misfit, vector, residual)
-    grams = _block_grams(model.observations, np.column_stack([model.tangents, residual]))
+    grams = _block_grams(model.observations, np.column_stack([model.tangents, model.residual]))
     lower, upper = misfit.bounds
     out = np.empty(len(grams))
     for blocks, move in model._folds(grams):
@@ -312,7 +410,7 @@ def cross_validated(misfit: Misfit, vector: Array) -> Array:
             moved = vector.copy()
             moved[model.columns] += share * move * model.reach
             there = misfit.residual(np.clip(moved, lower, upper)) if share else residual
-            squares = block_sums(model.observations, there**2, BLOCK)
+            squares = block_sums(model.observations, (there * model.determined) ** 2, BLOCK)
             seen = squares.sum() - squares[blocks].sum()
             if seen < best:
                 best, chosen = seen, squares
@@ -338,11 +436,11 @@ _NEED_RECORDS = ("thermal_drift", "load_dependent_friction", "encoder_eccentrici
 def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Effect]]:
     """The effects of the catalogue that could be added to a plant.
 
-    Not those that it has, not those contained in its friction, on a slide joint none that counts revolutions, and from
-    frequency responses alone none that they cannot show.
+    Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
+    none that counts revolutions; and from frequency responses alone none that they cannot show.
     """
     contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
     if observations and all(isinstance(o, FrfObservation) for o in observations):
         contained = (*contained, *_NEED_RECORDS)
-    out = {name: e for name, e in effects.CATALOGUE.items() if name not in plant and name not in contained}
-    return [e for e in out.values() if plant.kind == "hinge" or not has_phase(e)]
+    out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
+    return [e for e in out if plant.kind == "hinge" or not has_phase(e)]

@@ -140,7 +140,8 @@ def _maxwell_slip(
     """Inertia, viscous coefficient and the level of one slipping spring per break-away distance.
 
     A Maxwell-slip set on preset break-away distances is linear in its levels, so non-negative least squares finds
-    the global optimum.
+    the global optimum. An offset and a spring stand beside it: without them one that the plant does not have yet
+    would be taken for elements that never slip.
     """
     springs = [
         effects.find("gms")(stiffness=[1 / x], fraction=[1], coulomb=1, static=1, stribeck_velocity=1, attraction=1)
@@ -161,7 +162,7 @@ def _maxwell_slip(
         target = applied + known
     else:
         target = applied + known - plant.driven_inertia * inertial
-    matrix = np.stack(columns, 1)
+    matrix = np.column_stack([*columns, *_offset_and_spring(observations)])
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
     solution = optimize.nnls(matrix / scale, target)[0] / scale
     n = len(springs)
@@ -172,6 +173,19 @@ def _maxwell_slip(
         inertia = 1e-3 * float(np.std(target) / np.std(inertial))
     inertia += sum(e.hidden_inertia for e in plant.effects)
     return inertia, float(solution[n]), solution[:n]
+
+
+def _offset_and_spring(observations: Sequence[Seen]) -> list[Array]:
+    """(m,) columns of a constant torque and of one in proportion to the position, with either sign; 0 in responses."""
+    records = [o for o in observations if isinstance(o, Observation)]
+    if not records:
+        return []
+    middle = float(np.mean(np.concatenate([o.position[o.index] for o in records])))
+    shapes = [
+        np.concatenate([f(o) if isinstance(o, Observation) else np.zeros(len(o.index)) for o in observations])
+        for f in (lambda o: np.ones(len(o.index)), lambda o: o.position[o.index] - middle)
+    ]
+    return [sign * x for x in shapes for sign in (1.0, -1.0)]
 
 
 def weighted_median(values: Array, weights: Array) -> float:

@@ -73,6 +73,36 @@ def test_standstill_and_reversals_are_said() -> None:
     assert "standstill" in said
 
 
+@pytest.mark.parametrize("sign, said", [(1, "while moving forward"), (-1, "while moving backward")])
+def test_one_direction_is_said(records: list[Record], sign: int, said: str) -> None:
+    def dragged(r: Record) -> Record:
+        moving = sign * np.gradient(r.position) > 0
+        noise = np.random.default_rng(1).normal(0, 0.3 * LEVEL, len(moving))
+        return replace(r, signals={**r.signals, "torque": r.torque + noise * moving})
+
+    text = _of(HEALTHY, [dragged(r) for r in records])
+    assert said in text and text.count("while moving") == 1
+
+
+def test_a_jump_is_said_with_its_time_and_record(records: list[Record]) -> None:
+    said = _of(HEALTHY, _with(records, np.where(T > 1.1, 0.3 * LEVEL, 0.0), which=(1,)))
+    at = float(said.split("a jump at ")[1].split(" s in fit_1")[0])
+    assert at == pytest.approx(1.1, abs=0.02)
+
+
+@pytest.mark.parametrize("later, said", [(True, "growing with time"), (False, "fading with time")])
+def test_growth_with_time_is_said(records: list[Record], later: bool, said: str) -> None:
+    size = T / T[-1] if later else 1 - T / T[-1]
+    noise = np.random.default_rng(2).normal(0, 0.3 * LEVEL, len(T))
+    assert said in _of(HEALTHY, _with(records, noise * size**2))
+
+
+def test_what_lies_below_the_encoder_is_said(records: list[Record]) -> None:
+    """The axis stands still and the torque swings: no motion says what holds it."""
+    still = replace(records[0], signals={**records[0].signals, "position": np.full(len(T), records[0].position[0])})
+    assert "less than its encoder resolves" in _of(HEALTHY, [still])
+
+
 def test_the_size_comes_first(records: list[Record]) -> None:
     observations = observe(records, HEALTHY.inertia, 100.0)
     misfit = Misfit(HEALTHY, observations)

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
+from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit import FitResult, fit, refine
+from gms_mujoco.fit import FitResult, fit, observe, refine
 from gms_mujoco.intervals import block_sums
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.plant import Plant
@@ -22,12 +22,15 @@ from gms_mujoco.screen import (
     cross_validated,
     has_phase,
     is_present,
+    joined,
     shapes,
     strengths,
 )
 
 # What has the hidden effect in it for some values of its parameters gains as much.
 CONTAINS = {"torque_offset": {"spring"}, "delay": {"current_loop_lag"}}
+
+OBSERVED = observe(runs(HEALTHY), J)
 
 every_hidden = pytest.mark.parametrize("name", HIDDEN)
 
@@ -200,3 +203,29 @@ def test_harmonics_are_tried_only_where_the_motion_passes_them(screened: dict) -
 def test_an_effect_whose_strength_vanished_is_not_present() -> None:
     assert is_present(HIDDEN["cogging"]) and not is_present(effects.Cogging(harmonics=[6]))
     assert is_present(HIDDEN["delay"]) and not is_present(effects.Delay(time=0.0))
+
+
+def test_an_effect_whose_signal_was_not_recorded_is_no_candidate(screened: dict) -> None:
+    found, candidates = screened["cogging"]
+    assert "load_dependent_friction" in {e.name for e in applicable(found.plant)}
+    assert "load_dependent_friction" not in candidates
+    assert "load_dependent_friction" not in screened[""][1]
+
+
+def test_one_more_harmonic_is_a_candidate_and_no_other_effect_twice() -> None:
+    plant = HEALTHY + effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4])
+    names = {e.name for e in applicable(plant + HIDDEN["gravity"])}
+    assert {"cogging", "position_dependent_friction"} <= names and "gravity" not in names
+    more = joined(plant, effects.Cogging(harmonics=[9], amplitude=[0.1 * LEVEL], phase=[1.0]))
+    assert more["cogging"].harmonics == (6.0, 9.0) and len(more.effects) == len(plant.effects)
+    tried = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(OBSERVED), OBSERVED, plant)]
+    assert 6.0 not in tried and {5.0, 7.0} <= set(tried)
+
+
+def test_candidates_for_a_gap_are_close_and_knock_hard() -> None:
+    tried = list(shapes(effects.Backlash, Scales.of(OBSERVED), OBSERVED))
+    gaps, frequencies = ({s[k] for s in tried} for k in ("gap", "frequency"))
+    assert min(gaps) >= 3 * OBSERVED[0].record.resolution and all(20 <= f <= 120 for f in frequencies)
+    # Two refinements close the steps of the grid to less than 1.3.
+    steps = np.diff(np.log(sorted(gaps)))
+    assert np.exp(steps.max()) / (1.41 * 1.19) ** 2 < 1.3

@@ -1,0 +1,251 @@
+"""The search for what is missing: one effect after another, while it earns its place on data not used to fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from .compare import Comparison, compare_observations
+from .fit import FitResult, Progress, fit_observations, refine, rough_fit
+from .frf_observation import Seen
+from .least_squares import nudge
+from .misfit import Misfit
+from .noise import floor_residual
+from .plant import Plant
+from .screen import Candidate, Screen, applicable, cross_validated, determined, is_present, joined
+
+Array = NDArray[np.float64]
+
+MOST_EFFECTS = 4  # added in a row
+FALSE_DISCOVERY_RATE = 0.01
+# An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
+LEAST_SHARE = 0.2
+LEAST_GAIN = 0.02  # of all the squared error: what is left beside the noise is known no better
+AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
+MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
+_CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_FINALISTS = 2  # of them, fitted to the end
+_WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+
+
+@dataclass(frozen=True)
+class Step:
+    """One plant on the way: the baseline, or the plant before with one effect more.
+
+    Attributes:
+        effect: what was added; None for the baseline.
+        result: the joint fit.
+        comparison: on the validate records, made after every choice; None where there are none.
+        evidence: one sentence that a person can check on a plot.
+        confusable_with: effects that these records cannot tell from the one added.
+        p_value: of the fall of the error on held-out blocks.
+        held_out: (blocks,) squared residual of each block of the fit records, left by a fit without it.
+    """
+
+    effect: str | None
+    result: FitResult
+    comparison: Comparison | None = None
+    confusable_with: tuple[str, ...] = ()
+    p_value: float = float("nan")
+    held_out: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    evidence: str = ""
+
+    @property
+    def validate_error(self) -> float | None:
+        """Pooled torque error on the validate records."""
+        return None if self.comparison is None else self.comparison.torque_error
+
+
+class Search:
+    """The state of the loop: the steps so far, and what the last round thought of every candidate."""
+
+    def __init__(self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant) -> None:
+        self.seen, self.select, self.start = list(seen), list(select), start
+        self.steps: list[Step] = []
+        self.rejected: list[tuple[str, float, Plant]] = []
+
+    @property
+    def held_out(self) -> Array:
+        """(blocks,) squared residuals of the current plant on held-out blocks."""
+        return self.steps[-1].held_out
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether what the current plant leaves on held-out blocks is as good as noise."""
+        return bool(self.held_out.sum() <= AT_FLOOR**2 * _floor(self.steps[-1].result))
+
+    def first(self, report: Progress) -> None:
+        result = fit_observations(self.start, self.seen, progress=report)
+        self.steps.append(Step(None, result, held_out=cross_validated(result.misfit, result.vector)))
+
+    def add_one(self, report: Progress) -> bool:
+        """Adds the effect that earns it most; False where none does."""
+        current = self.steps[-1].result
+        report(0.0, "screening the catalogue")
+        screen = Screen(current.misfit, current.vector)
+        scored = [c for c in map(screen.candidate, applicable(current.plant, self.seen)) if c is not None]
+        scored.sort(key=lambda c: -c.gain)
+        p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
+        plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
+
+        promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
+        rough: list[tuple[str, Misfit, Array]] = []
+        for i, c in enumerate(promising):
+            report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
+            rough.append((c.effect.name, *self._tried(current, c)))
+        rough.sort(key=lambda t: _left(t[1], t[2]))
+        trials: list[tuple[str, FitResult, Array]] = []
+        for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
+            report(0.7 + 0.1 * i, f"refitting with {name}")
+            result = refine(misfit, x)
+            if i == 0 and result.error > AT_FLOOR * result.floor:
+                result = min(result, self._afresh(result.plant, name), key=_error)
+            trials.append((name, result, cross_validated(result.misfit, result.vector)))
+        self._settle_for(trials)
+        p_values |= {name: p_value(self.held_out, h) for name, _, h in trials}
+        plants |= {name: r.plant for name, r, _ in trials}
+        self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
+        return self._accept(trials, p_values)
+
+    def _accept(self, trials: Sequence[tuple[str, FitResult, Array]], p_values: dict[str, float]) -> bool:
+        passed = discoveries(p_values)
+        earned = [
+            (name, result, held_out)
+            for name, result, held_out in trials
+            if name in passed
+            and self._is_worth_it(result, held_out)
+            and is_present(result.plant[name])
+            and self._selects(result)
+        ]
+        if not earned:
+            return False
+        # Of those that are as good as the best the one with the fewest free parameters.
+        best = min(earned, key=lambda t: t[2].sum())
+        equal = [t for t in earned if p_value(t[2], best[2]) > _CONFUSABLE]
+        name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
+        confusable = tuple(t[0] for t in equal if t[0] != name)
+        if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
+            self.steps[-1] = replace(self.steps[-1], result=result, held_out=held_out)
+        else:
+            self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
+        return True
+
+    def _is_worth_it(self, result: FitResult, held_out: Array) -> bool:
+        """Whether an effect takes a good part of what noise does not explain.
+
+        What distorts the torque also raises the noise that a model without it reports: the lower floor counts.
+        """
+        before = float(self.held_out.sum())
+        floor = min(_floor(self.steps[-1].result), _floor(result))
+        return before - held_out.sum() > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before)
+
+    def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
+        """Lets the current plant keep what a trial found for it.
+
+        A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
+        that gain is the plant's own and must not be counted for the effect.
+        """
+        for name, result, held_out in trials[:1]:
+            if name not in self.steps[-1].result.plant and self._is_worth_it(result, held_out):
+                alone = refine(*_without(result, name))
+                if alone.error < self.steps[-1].result.error:
+                    again = cross_validated(alone.misfit, alone.vector)
+                    self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
+
+    def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
+        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
+        plant = joined(current.plant, candidate.effect)
+        misfit = Misfit(plant, self.seen)
+        memories = current.misfit.memories(current.vector, misfit.n_memory)
+        x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
+        if not candidate.strong:
+            return misfit, x
+        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), self.seen)
+        return min(((misfit, x), other), key=lambda t: t[0].cost(t[1]))
+
+    def _fresh(self, near: Plant, name: str) -> Plant:
+        """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""
+        fresh = self.start
+        for added in dict.fromkeys((*(s.effect for s in self.steps if s.effect), name)):
+            fresh = fresh.replace(near[added]) if added in fresh else fresh + near[added]
+        return fresh
+
+    def _afresh(self, near: Plant, name: str) -> FitResult:
+        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
+        return fit_observations(self._fresh(near, name), self.seen)
+
+    def _selects(self, result: FitResult) -> bool:
+        """Whether the select records, where there are some, agree."""
+        if not self.select:
+            return True
+        before, after = (
+            compare_observations(p, self.select).torque_error for p in (self.steps[-1].result.plant, result.plant)
+        )
+        return after < before
+
+    def drop_idle(self) -> None:
+        """Takes away again an effect that a later one has made superfluous."""
+        for k in range(len(self.steps) - 2, 0, -1):
+            name = self.steps[k].effect
+            assert name is not None
+            last = self.steps[-1]
+            without = refine(*_without(last.result, name))
+            held_out = cross_validated(without.misfit, without.vector)
+            if p_value(held_out, last.held_out) > FALSE_DISCOVERY_RATE:
+                final = replace(last, result=without, held_out=held_out)
+                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], final]
+
+
+def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
+    plant = result.plant.without(name)
+    misfit = Misfit(plant, result.misfit.observations)
+    if misfit.n_memory == result.misfit.n_memory:
+        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
+    return misfit, misfit.vector(plant)
+
+
+def _error(result: FitResult) -> float:
+    return result.error
+
+
+def _left(misfit: Misfit, vector: Array) -> float:
+    """Squared residual where the motion determines friction [N^2 m^2]."""
+    return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2))
+
+
+def _floor(result: FitResult) -> float:
+    """The same that sensor noise alone would leave [N^2 m^2]."""
+    rng, misfit = np.random.default_rng(0), result.misfit
+    parts = [
+        floor_residual(o, result.plant, misfit.memory(result.vector, i), result.noise, rng)
+        for i, o in enumerate(misfit.observations)
+    ]
+    return float(np.sum(np.concatenate(parts)[determined(misfit)] ** 2))
+
+
+def p_value(before: Array, after: Array) -> float:
+    """Of the hypothesis that the squared error of the blocks does not fall, by a one-sided t-test.
+
+    On the logarithm of the ratio: an effect that acts at high speed makes a few blocks fall so far that their mean
+    would hide how surely they do.
+    """
+    said = before > 0  # a block in which the axis stands still says nothing
+    fall = np.log(before[said] / np.maximum(after[said], 1e-300))
+    if len(fall) < 3 or not np.any(np.abs(fall) > 1e-9):
+        return 1.0
+    return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
+
+
+def discoveries(p_values: dict[str, float]) -> set[str]:
+    """Names that pass with the false discovery rate controlled over all of them (Benjamini and Hochberg 1995)."""
+    ranked = sorted(p_values, key=p_values.__getitem__)
+    passed = 0
+    for i, name in enumerate(ranked, 1):
+        if p_values[name] <= FALSE_DISCOVERY_RATE * i / len(ranked):
+            passed = i
+    return set(ranked[:passed])
