@@ -211,7 +211,9 @@ def _grouped(distances: Array, levels: Array, n: int) -> tuple[Array, Array, flo
     stiffness[empty] = level[empty] / np.interp(
         (np.flatnonzero(empty) + 0.5) / n, np.sort(middle), distances[np.argsort(middle)]
     )
-    return stiffness, level / level.sum(), total
+    # A fit moves the share more freely than the stiffness: with a share like the others none may become a spring.
+    softest = total / n / (LONGEST_BREAK_AWAY * weighted_median(distances, levels))
+    return np.maximum(stiffness, softest), level / level.sum(), total
 
 
 def _gathered(distances: Array, levels: Array, n: int) -> tuple[Array, Array, float]:
