@@ -27,9 +27,9 @@ budget, said in its row, in samples of the environment with friction scattered b
 
 Goal: the GMS observer at most 1.5 times above the oracle and at least 5 times below PID + feedforward. Where it is
 missed, that is the column's question: elements with a history are loaded by what the observer cannot know until they
-slip; an observer on wrong parameters leaves that part of the friction; it knows no cogging, which a disturbance observer
-beside it takes; and a stiffer feedback leaves less friction to compensate, down to the half count that the encoder
-cannot see.
+slip; an observer on wrong parameters leaves that part of the friction; it knows no cogging, which a disturbance
+observer beside it takes; and a stiffer feedback leaves less friction to compensate, down to the half count that the
+encoder cannot see.
 
 Cost: one call of the Python controller, mean; the laws themselves take about a microsecond in C.
 
