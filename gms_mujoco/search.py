@@ -24,7 +24,8 @@ MOST_EFFECTS = 4  # added in a row
 FALSE_DISCOVERY_RATE = 0.01
 # An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
 LEAST_SHARE = 0.2
-LEAST_GAIN = 0.02  # of all the squared error: what is left beside the noise is known no better
+LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
+NOTHING_LEFT = 1.05  # times the squared error of noise: below it there is nothing that an effect could explain
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
@@ -142,7 +143,9 @@ class Search:
         """
         before = float(self.held_out.sum())
         floor = min(_floor(self.steps[-1].result), _floor(result))
-        return before - held_out.sum() > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before)
+        if before <= NOTHING_LEFT * floor:
+            return False
+        return bool(before - held_out.sum() > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
 
     def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
         """Lets the current plant keep what a trial found for it.
