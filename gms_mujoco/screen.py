@@ -35,6 +35,7 @@ BLOCK = 0.5  # s; residuals further apart than this are taken as independent
 FOLDS = 5
 _ORDERS = 48  # harmonics tried per revolution
 _FINER = (1.41, 1.19)  # factors between the values of a grid
+_RESONANCES = 10  # frequencies tried over the range of responses
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -244,6 +245,9 @@ def _grid(
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
         if any(q.unit == "rad" for q in effect.parameters):
             return np.minimum([30.0, 60.0, 120.0], [0.3 * highest, highest, highest])
+        frfs = [o.frf.frequency for o in observations if isinstance(o, FrfObservation)]
+        if len(frfs) == len(observations):
+            return np.geomspace(1.5 * min(f[0] for f in frfs), highest / 1.5, _RESONANCES)
         return highest * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
     if p.unit == "s":
         return max(o.duration for o in observations) * np.array([0.05, 0.2, 0.8])
@@ -441,6 +445,8 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
     """
     contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
     if observations and all(isinstance(o, FrfObservation) for o in observations):
-        contained = (*contained, *_NEED_RECORDS)
+        sizes = np.abs(np.concatenate([o.torque for o in observations if isinstance(o, FrfObservation)]))
+        one_level = sizes.max() < 2 * sizes.min()  # a limit is then a gain like any other
+        contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
     out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
     return [e for e in out if plant.kind == "hinge" or not has_phase(e)]

@@ -15,7 +15,7 @@ from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.errors import DataError
 from gms_mujoco.fit import fit
-from gms_mujoco.frf import FRF, to_csv
+from gms_mujoco.frf import FRF, find_antiresonance, to_csv
 from gms_mujoco.frf_observation import FrfObservation
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -146,3 +146,23 @@ def test_a_hidden_delay_is_named_through_files_and_command_line(
     assert (tmp_path / "out" / "recording.rrd").stat().st_size > 1000
     assert cli.main(["compare", str(tmp_path / "out" / "model.toml"), str(tmp_path)]) == 0
     assert "damping ratio" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_the_coupling_of_a_measured_flexible_link_is_named(data: Path, tmp_path: Path) -> None:
+    """Its loop, of gain 1.65, is a spring; the resonance of the link with the motor clamped is its antiresonance."""
+    files = sorted((data / "flexlink_frf").glob("*07-May*.dat"))
+    if not files:
+        pytest.skip("no flexlink_frf there")
+    (tmp_path / "dataset.toml").write_text(
+        f'[[frf]]\nfile = "{files[0].as_posix()}"\ninput = "torque"\noutput = "position"\namplitude = 1.0\n'
+        "columns = { frequency = 0, magnitude = 1, phase = 2 }\n"
+        'units = { frequency = "rad/s", magnitude = "abs", phase = "rad" }\n'
+    )
+    runs = load(tmp_path)
+    low, high = np.array(find_antiresonance(runs.frfs[0], 2, 8)[1:]) * 2 * np.pi
+    assert low < 26 < high < 1.1 * low
+    found = diagnose(runs, Plant.axis() + effects.Viscous() + effects.Spring())
+    assert "flexible_coupling" in [e.name for e in found]
+    assert low < 2 * np.pi * found.plant["flexible_coupling"].frequency < high
+    assert found.plant["spring"].stiffness == pytest.approx(1.65, rel=0.02)
