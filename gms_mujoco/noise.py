@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, signal
+from scipy import signal
 
 from .frf_observation import Seen
 from .inverse import Observation, count_size, held_mean, second_difference
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
 _QUIETER = 0.25  # quantile over the records
+_UPDATES = 300
+_MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
-_SHIFTS = 4  # places of the encoder's counts
 _FINER = 20.0  # than the instants that a replay takes
-_TURN = 0.05  # s, for which each of them holds
 _NEGLIGIBLE = 0.01  # of the torque
 
 
@@ -64,25 +64,44 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     density = np.quantile([signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for _, d in spectra], _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
     shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
-    variance = np.zeros(2)
-    weight = 1 / np.maximum(density, 1e-300)
-    for _ in range(5):  # relative error at every frequency, so that the loud end does not rule
-        scale = np.maximum((shapes * weight[:, None]).max(0), 1e-300)
-        variance = optimize.nnls(shapes * weight[:, None] / scale, density * weight)[0] / scale
-        weight = 1 / np.maximum(shapes @ variance, 1e-300)
+    variance = _variances(shapes, density)
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
 
 
-def refine_noise(noise: Noise, observations: Sequence[Seen], residuals: Sequence[Array]) -> Noise:
+def _variances(shapes: Array, density: Array) -> Array:
+    """(k,) variances of noises of known spectra (n, k) that together have density (n,), by Whittle's likelihood.
+
+    It weighs relative errors, so that the loud end does not rule. Its least is found by multiplicative updates, which
+    never overshoot (Fevotte and Idier, Neural Computation 23, 2011): weights taken from the last solution swing
+    between one noise and the other where friction is in the spectrum too.
+    """
+    least = 1e-12 * float(density.max(initial=0.0))
+    if not least > 0:
+        return np.zeros(shapes.shape[1])
+    density = np.maximum(density, least)
+    scale = shapes.mean(0) / density.mean()
+    shapes = shapes / scale
+    variance = np.full(shapes.shape[1], 0.5)
+    for _ in range(_UPDATES):
+        power = shapes @ variance
+        variance = variance * np.sqrt(shapes.T @ (density / power**2) / (shapes.T @ (1 / power)))
+    return np.asarray(variance / scale)
+
+
+def refine_noise(
+    noise: Noise, observations: Sequence[Seen], residuals: Sequence[Array], inertia: float = 0.0
+) -> Noise:
     """The noise, with that of the torque no larger than what a model has left most of the time.
 
     What a model leaves over is noise and its own errors; the median over short segments and over frequencies
-    ignores errors that come and go. A band-limited residual sees what high frequencies cannot show.
+    ignores errors that come and go. A band-limited residual sees what high frequencies cannot show. What the noise
+    of the position leaves in it, through the inertia, is not that of the torque.
 
     Args:
         residuals: (m,) torque residual of each observation [N m].
+        inertia: [kg m^2].
     """
     densities = []
     for o, r in zip(observations, residuals, strict=True):
@@ -92,7 +111,12 @@ def refine_noise(noise: Noise, observations: Sequence[Seen], residuals: Sequence
         f, _, power = signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
         inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
         # The median of a periodogram's exponential distribution is ln 2 of its mean.
-        densities.append(float(np.median(power[inside])) / np.log(2) / (2 * o.record.sample_time))
+        h = o.record.sample_time
+        density = np.median(power[inside], axis=1) / np.log(2) / (2 * h)
+        twice = (2 * np.sin(np.pi * f[inside] * h) / h) ** 2  # differentiated
+        known = (typical_inertia([o.record], inertia) * noise.position * twice) ** 2
+        quiet = known < _MOSTLY * density
+        densities.append(float(np.median((density - known)[quiet]) if quiet.any() else np.min(density)))
     return replace(noise, torque=min(noise.torque, float(np.sqrt(np.median(densities)))) if densities else noise.torque)
 
 
@@ -119,7 +143,7 @@ def noise_of(observations: Sequence[Seen], residuals: Sequence[Array], inertia: 
     records = [o.record for o in observations if isinstance(o, Observation)]
     if not records:
         return Noise(0.0, 0.0, 0.0)
-    return refine_noise(estimate_noise(records, inertia), observations, residuals)
+    return refine_noise(estimate_noise(records, inertia), observations, residuals, inertia)
 
 
 def rough_inertia(records: Sequence[Record]) -> float:
@@ -176,17 +200,15 @@ def sensor_residual(
     true = observation.position
     seen = observation.again(true).needed(plant, memory)
     extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0)) * rng.standard_normal(len(true))
+    read = true + extra
     if noise.resolution:
         # The smoothed motion still holds some of the first reading, and a second through the same counts would agree
-        # with that more than two readings do: the counts are put at several places, which take turns.
-        shifts = noise.resolution * (np.arange(_SHIFTS) + rng.random()) / _SHIFTS
-        reads = [np.round((true + extra + s) / noise.resolution) * noise.resolution - s for s in shifts]
-    else:
-        reads = [true + extra]
-    draws = np.stack([observation.again(read).needed(plant, memory) for read in reads])
-    turn = (observation.time // _TURN).astype(int) % len(draws)
+        # with that more than two readings do: the counts are put elsewhere.
+        shift = noise.resolution * (0.25 + 0.5 * rng.random())
+        read = np.round((read + shift) / noise.resolution) * noise.resolution - shift
+    noisy = observation.again(read).needed(plant, memory)
     torque = held_mean(noise.torque * rng.standard_normal(len(r)))
-    return observation.band(torque) - (draws[turn, np.arange(len(turn))] - seen)
+    return observation.band(torque) - (noisy - seen)
 
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:

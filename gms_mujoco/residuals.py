@@ -32,7 +32,6 @@ _FEWEST = 12  # samples of a bin
 _FOLDS = 24  # stretches of a record, of which every second one predicts the others
 _HARMONICS = 64  # per revolution
 _TIME_HARMONICS = 15
-_DOUBT = 1.0  # of what sampling does: it is seen on the smoothed motion, which has rounder corners than the true one
 _LAST = 5  # break-away distances: beyond, friction after a reversal is that of sliding
 _BANDS = 24  # of the spectrum
 _CORRELATED = 40  # lags of the correlation functions
@@ -181,9 +180,8 @@ class Residuals:
         signs = [s.direction if along else np.ones(len(p)) for s, p in zip(self._swings, self._parts, strict=True)]
         values, sampled = ([p * s if along else p for p, s in zip(parts, signs, strict=True)]
                           for parts in (self._parts, [r.sampling for r in self.records]))
-        mean, noise, count = self._noise.means(groups, values, self._drawn, len(edges) + 1)
+        mean, band, count = self._noise.means(groups, values, self._drawn, len(edges) + 1)
         expected = group_means(np.concatenate(groups), np.concatenate(sampled), len(edges) + 1)
-        band = noise + _DOUBT * np.abs(expected)
         centres = group_means(np.concatenate(groups), x, len(edges) + 1)
         shown = count >= _FEWEST
         if shown.sum() < 4:
@@ -202,11 +200,11 @@ class Residuals:
         if n < 4:
             return None
         group = (np.arange(len(r.time)) * n) // len(r.time)
-        mean, noise, count = self._noise.means([group], [r.residual], [self._drawn[k]], n)
+        mean, band, count = self._noise.means([group], [r.residual], [self._drawn[k]], n)
         expected = group_means(group, r.sampling, n)
         return ResidualMap(
             "time", "time", "s", self.torque, group_means(group, r.time, n), mean,
-            expected, noise + _DOUBT * np.abs(expected), count, record=r.name,
+            expected, band, count, record=r.name,
         )  # fmt: skip
 
     # Harmonics.
@@ -261,7 +259,7 @@ class Residuals:
             noise = inverse @ sum(self._noise.covariance(e) for e in even) @ inverse
             # The square of a circular normal pair is exponential: P(a^2 > x) = exp(-x / E a^2).
             band[i] = math.sqrt(max(-math.log(1 - CONFIDENCE) * float(np.trace(noise)), 0.0))
-            band[i] += (1 + _DOUBT) * float(np.hypot(*(inverse @ known)))
+            band[i] += float(np.hypot(*(inverse @ known)))
             amplitude[i], share[i] = float(np.hypot(*(inverse @ right))), float(right @ inverse @ right) / total
         return amplitude, band, share
 
@@ -310,23 +308,22 @@ class Residuals:
             return None
         lags = np.arange(max(first, -last), last + 1)
         got, known = np.zeros(len(lags)), np.zeros(len(lags))
-        squares = np.zeros(4)
+        squares = np.zeros(3)
         for r in records:
             y, x, e = (v - v.mean() for v in (r.residual, other(r), r.floor))
-            z = e if name == "autocorrelation" else x
             got += products(y, x, lags)
-            known += products(e, z, lags)
-            squares += [y @ y, x @ x, e @ e, z @ z]
+            known += products(e, e, lags) if name == "autocorrelation" else products(r.sampling, x, lags)
+            squares += [y @ y, x @ x, e @ e]
         total = sum(len(r.time) for r in records)
         value = got / max(math.sqrt(squares[0] * squares[1]), 1e-300)
         rho = self._noise.rho
         if name == "autocorrelation":
-            expected = known / max(math.sqrt(squares[2] * squares[3]), 1e-300)
+            expected = known / max(float(squares[2]), 1e-300)
             # Bartlett (1946); twice, since the floor's own is drawn as well.
             variance = 2 * bartlett(rho, lags) / total
         else:
             # The torque that was measured carries the noise that the residual carries.
-            expected = np.zeros(len(lags))
+            expected = known / max(math.sqrt(squares[0] * squares[1]), 1e-300)
             alike = math.sqrt(squares[2] / max(squares[1], 1e-300)) * np.interp(np.abs(lags), np.arange(len(rho)), rho)
             inputs = [other(r) - other(r).mean() for r in records]
             of_input = np.sum([products(v, v, np.arange(len(rho))) for v in inputs], axis=0)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
+from scipy import signal
 
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
@@ -15,6 +16,7 @@ from gms_mujoco.noise import (
     floor_residual,
     refine_noise,
     rough_inertia,
+    sensor_residual,
 )
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -52,6 +54,18 @@ def test_quantisation_is_the_least_position_noise() -> None:
     noise = estimate_noise(runs(HEALTHY), J)
     assert noise.resolution == COUNT
     assert COUNT / np.sqrt(12) <= noise.position < 1.5 * COUNT / np.sqrt(12)
+
+
+def test_the_noise_is_much_the_same_whatever_the_motion() -> None:
+    """With friction in the spectrum, neither kind of noise takes all of it."""
+    found = [estimate_noise(runs(HEALTHY, "validate", seed=seed), J) for seed in range(10)]
+    assert min(n.torque for n in found) > TORQUE_NOISE and max(n.torque for n in found) < 15 * TORQUE_NOISE
+    assert max(n.torque for n in found) < 1.5 * min(n.torque for n in found)
+
+
+def test_no_noise_is_found_in_nothing() -> None:
+    still = [replace(r, signals={"torque": 0 * r.time, "position": 0 * r.time}) for r in runs(BARE, resolution=None)]
+    assert estimate_noise(still, J) == Noise(0.0, 0.0, 0.0)
 
 
 def test_the_quiet_records_say_what_the_noise_is() -> None:
@@ -114,6 +128,22 @@ def test_the_floor_is_what_a_perfect_model_leaves(bench: dict) -> None:
     left = np.sqrt(np.mean([rms(o.applied(BARE) - o.needed(BARE)) ** 2 for o in observations]))
     floor = np.sqrt(np.mean([rms(floor_residual(o, BARE, None, noise, rng)) ** 2 for o in observations]))
     assert floor == pytest.approx(left, rel=0.15)
+
+
+def test_an_encoder_leaves_little_at_low_frequencies() -> None:
+    """Twice differentiated, it has the spectrum of the fourth power of frequency, and so has the floor."""
+    noise, rng = Noise(0.0, COUNT / np.sqrt(12), COUNT), np.random.default_rng(0)
+    power = np.zeros((2, 65))
+    for seed in range(3):
+        for r in runs(BARE, "validate", seed=seed, torque_noise=0.0):
+            o = Observation(r, 100.0)
+            for row, x in zip(power, (o.applied(BARE) - o.needed(BARE), sensor_residual(o, BARE, None, noise, rng)),
+                              strict=True):  # fmt: skip
+                f, p = signal.welch(x, 1 / (o.stride * SAMPLE_TIME), nperseg=128)
+                row += p
+    for low, high in ((5, 15), (15, 40), (40, 90)):
+        left, floor = power[:, (f > low) & (f < high)].sum(1)
+        assert floor == pytest.approx(left, rel=0.35), (low, high)
 
 
 @pytest.mark.parametrize("sample_time", [2e-3, 1e-3, 2.5e-4])
