@@ -10,6 +10,9 @@
 Importing the package registers its friction plug-in with MuJoCo.
 """
 
+from importlib import import_module
+from typing import Any
+
 from . import effects
 from . import registration as _registration  # noqa: F401  makes the environments known to Gymnasium
 from .bench import measure
@@ -68,3 +71,9 @@ __all__ = [
     "simulate",
     "stepped_sine",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "view":  # loads rerun, which takes a second
+        return import_module(".view", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -11,6 +11,7 @@ import json
 import math
 import os
 import sys
+import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -142,9 +143,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--generations", type=int, default=30, metavar="N", help="default: 30")
     sub.add_argument("--bandwidth", type=float, default=50.0, metavar="HZ", help="of the PID (default: 50)")
 
-    sub = command("view", _view, "open a recording, or make a picture of it", "view diagnosis/ --screenshot view.png")
-    sub.add_argument("path", metavar="PATH", help="a .rrd file, or the folder that diagnose or demo wrote")
+    sub = command("view", _view, "open a recording, or let a MuJoCo model go and look at its friction",
+                  "view robot_with_friction.xml --seconds 5")
+    sub.add_argument("path", metavar="PATH", help="a .rrd file, the folder that diagnose, demo or train wrote, or an "
+                     "MJCF model, which is let go where it begins")
     sub.add_argument("--screenshot", metavar="OUT.png", help="write a picture instead of opening a window")
+    sub.add_argument("--seconds", type=float, default=3.0, metavar="S", help="of a model's motion (default: 3)")
+    sub.add_argument("-o", "--output", metavar="OUT.rrd", help="keep the recording of a model's motion here")
     return parser
 
 
@@ -306,12 +311,28 @@ def _train(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> None:
-    from .view import open_recording
+    from .view import open_recording, record_motion
 
     picture = files.expect_writable(options.screenshot) if options.screenshot else None
-    open_recording(options.path, picture)
-    if picture:
-        print(f"wrote {picture}")
+    output = files.expect_writable(options.output) if options.output else None
+    if Path(options.path).suffix.lower() != ".xml":
+        if output:
+            raise GmsError(f"-o keeps the motion of an MJCF model; {options.path} is none")
+        open_recording(options.path, picture)
+    else:
+        from .engine import spec_of
+
+        try:
+            model = spec_of(options.path).compile()
+        except ValueError as error:
+            raise ModelError(f"{options.path}: {error}") from None
+        with tempfile.TemporaryDirectory() as folder:
+            recording = output or Path(folder) / "motion.rrd"
+            record_motion(recording, model, options.seconds)
+            if picture or not output:
+                open_recording(recording, picture)
+    for written in filter(None, (output, picture)):
+        print(f"wrote {written}")
 
 
 # What the commands share.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium as gym
 import mujoco
@@ -24,7 +24,12 @@ from .goals import Excitation, Goal, Tracking
 from .plant import Plant
 from .servo import Axes
 
+if TYPE_CHECKING:
+    from .scene import Scene
+
 Array = NDArray[np.float64]
+
+_LOOKS = 8  # at the friction in a frame: it changes faster than the picture
 
 
 def episode_option(options: Mapping[str, Any] | None) -> Any:
@@ -47,12 +52,19 @@ def observation_space(task: Goal) -> gym.spaces.Box:
 
 
 class _Servo(gym.Env[Array, NDArray[Any]]):
-    """One axis; see the subclasses."""
+    """One axis; see the subclasses.
+
+    Args:
+        render_mode: "human" shows the axis in the rerun viewer with its friction, reference and position as it runs;
+            "rgb_array" draws pictures.
+        recording: with "human", a `.rrd` file to write instead of opening a window, or a stream of rerun.
+        **options: those of `Axes` but `n`.
+    """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
     _goal: ClassVar[type[Goal]]
 
-    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, render_mode: str | None = None, recording: Any = None, **options: Any) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ModelError(
                 f"render_mode must be one of {listing(self.metadata['render_modes'])} or None; {render_mode!r} given"
@@ -63,6 +75,8 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         self.action_space = action_space()
         self.observation_space = observation_space(self.task)
         self._picture: _Picture | None = None
+        self._recording = recording
+        self._scene: Scene | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Draws an episode; `options={"episode": number}` takes that one of a fixed split."""
@@ -77,8 +91,7 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         self.axes.step(np.reshape(action, 1))
         reward, terminated = self.task.judge()
         truncated = bool(self.axes.step_number[0] >= self.axes.episode_steps)
-        if self.axes.step_number[0] % round(1 / (self.axes.sample_time * self.metadata["render_fps"])) == 0:
-            self._show()
+        self._show()
         return self.task.observe()[0], float(reward[0]), bool(terminated[0]), truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
@@ -115,55 +128,44 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         """A picture of the axis, (480, 480, 3), in mode "rgb_array"."""
         if self.render_mode != "rgb_array":
             return None
-        return self._drawn().rgb(self.axes.position[0])
-
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self._drawn().show(self.axes.position[0])
-
-    def _drawn(self) -> _Picture:
         if self._picture is None:
             self._picture = _Picture(self.axes.mechanism.build(self.axes.plant, 1e-3, self.axes.torque_limit))
-        return self._picture
+        return self._picture.rgb(self.axes.position[0])
+
+    def _show(self) -> None:
+        if self.render_mode != "human":
+            return
+        model, data = self.axes.physics()
+        if self._scene is None:
+            from .view import stream
+
+            self._scene = stream(model, data, self._recording, rate=_LOOKS * self.metadata["render_fps"])
+        self._scene(model, data, reference=self.axes.now()[0, 0], position=self.axes.position[0])
 
     def close(self) -> None:
-        """Closes window and renderer."""
-        if self._picture is not None:
-            self._picture.close()
-        self._picture = None
+        """Closes window, recording and renderer."""
+        for thing in (self._picture, self._scene):
+            if thing is not None:
+                thing.close()
+        self._picture = self._scene = None
 
 
 class _Picture:
-    """Draws an axis at a position, off screen or in a window."""
+    """Draws an axis at a position, off screen."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model, self.data = model, mujoco.MjData(model)
-        self.renderer: Any = None
-        self.window: Any = None
+        self.renderer = mujoco.Renderer(model, 480, 480)
 
-    def _at(self, position: float) -> None:
+    def rgb(self, position: float) -> NDArray[np.uint8]:
         self.data.qpos[0] = position
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-
-    def rgb(self, position: float) -> NDArray[np.uint8]:
-        self.renderer = self.renderer or mujoco.Renderer(self.model, 480, 480)
-        self._at(position)
         self.renderer.update_scene(self.data)
         return np.array(self.renderer.render())
 
-    def show(self, position: float) -> None:
-        if self.window is None:
-            import mujoco.viewer
-
-            self.window = mujoco.viewer.launch_passive(self.model, self.data)
-        self._at(position)
-        self.window.sync()
-
     def close(self) -> None:
-        for thing in (self.renderer, self.window):
-            if thing is not None:
-                thing.close()
+        self.renderer.close()
 
 
 class ServoTracking(_Servo):

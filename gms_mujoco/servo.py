@@ -216,13 +216,17 @@ class Axes:
 
     def friction(self, i: int = 0) -> float:
         """True torque of the effects on axis i at this instant [N m]: what an oracle knows."""
+        return engine.friction(*self.physics(i), self.mechanism.joint).torque
+
+    def physics(self, i: int = 0) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model of axis i and a copy of its state at this instant."""
         model = self.models[i]
         if i not in self._probes or self._probes[i][0] is not model:
             self._probes[i] = (model, mujoco.MjData(model))
         probe = self._probes[i][1]
         mujoco.mj_setState(model, probe, self.batch.state[i], _STATE)
         mujoco.mj_forward(model, probe)
-        return engine.friction(model, probe, self.mechanism.joint).torque
+        return model, probe
 
     _FIELDS: ClassVar = ("step_number", "position", "reading", "last_reading", "torque")
 

@@ -1,4 +1,10 @@
-"""The rerun viewer, with a window or for a picture, and the recording of a training."""
+"""The rerun viewer, with a window or for a picture; simulations streamed to it; the recording of a training.
+
+    with gms.view.stream(model, data) as look:   # opens the viewer; with a third argument "arm.rrd" writes that
+        while data.time < 5:
+            mujoco.mj_step(model, data)
+            look()
+"""
 
 from __future__ import annotations
 
@@ -8,8 +14,9 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -18,11 +25,15 @@ from . import drawing, files
 from .drawing import draw, series
 from .errors import DataError, GmsError
 from .figure import COLOURS, Curve
+from .scene import Scene, end, record_motion
 
 if TYPE_CHECKING:
     from .learn import Training
 
+__all__ = ["RECORDING", "Scene", "open_recording", "record_motion", "stream", "write_training"]
+
 RECORDING = "recording.rrd"
+_PATIENCE = 30.0  # s until a viewer listens
 _LOADING = 8.0  # s from the first frame until notices have gone and all data is drawn
 
 
@@ -58,11 +69,39 @@ def write_training(path: str | Path, training: Training) -> None:
         stream.disconnect()
 
 
+def stream(
+    model: mujoco.MjModel, data: mujoco.MjData, to: str | Path | rr.RecordingStream | None = None, rate: float = 100.0
+) -> Scene:
+    """Shows a running simulation: the robot in 3-D, and of each joint with friction torque, elements and slips.
+
+    Args:
+        model: compiled.
+        data: its state.
+        to: None opens the viewer, which listens on this machine only; or a `.rrd` file to write, or a stream of rerun.
+        rate: of looks [1/s of simulated time].
+
+    Returns:
+        To call after each step; `look(reference=0.1)` plots numbers of yours. A context manager.
+
+    Raises:
+        GmsError: the viewer cannot run, or the file cannot be written.
+    """
+    if isinstance(to, rr.RecordingStream):
+        return Scene(model, data, to, rate)
+    opened = rr.RecordingStream("gms_mujoco")
+    if to is not None:
+        opened.save(files.expect_writable(to))
+        return Scene(model, data, opened, rate, owned=True)
+    viewer, port = _viewer([])
+    opened.connect_grpc(_address(port))
+    return Scene(model, data, opened, rate, owned=True, viewer=viewer)
+
+
 def open_recording(path: str | Path, screenshot: str | Path | None = None) -> None:
     """Opens a recording in the rerun viewer, bound to this machine only.
 
     Args:
-        path: a `.rrd` file, or the folder of a diagnosis.
+        path: a `.rrd` file, or the folder of a diagnosis or training.
         screenshot: a `.png` to write instead of opening a window.
 
     Raises:
@@ -74,43 +113,69 @@ def open_recording(path: str | Path, screenshot: str | Path | None = None) -> No
         raise DataError(f"{file}: no such recording; expected a .rrd file or a folder with {RECORDING}")
     if file.suffix != ".rrd":
         raise DataError(f"{file}: not a recording; expected a .rrd file or a folder with {RECORDING}")
-    port = free_port()
-    command = [sys.executable, "-m", "rerun", str(file), "--bind", "127.0.0.1", "--port", str(port)]
     if screenshot is not None:
-        files.write_bytes(screenshot, _picture(command, port))
-    elif subprocess.run(command).returncode:
+        files.write_bytes(screenshot, _picture(file))
+    elif subprocess.run(_command(free_port(), str(file))).returncode:
         raise GmsError("the rerun viewer ended with an error; its messages stand above")
 
 
-def _picture(command: list[str], port: int) -> bytes:
+def _command(port: int, *more: str) -> list[str]:
+    return [sys.executable, "-m", "rerun", *more, "--bind", "127.0.0.1", "--port", str(port)]
+
+
+def _address(port: int) -> str:
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def _viewer(more: list[str], log: Any = subprocess.DEVNULL) -> tuple[subprocess.Popen[bytes], int]:
+    """A viewer that listens, in a process group of its own, see `scene.end`; and its port."""
+    port = free_port()
+    viewer = subprocess.Popen(_command(port, *more), stdout=log, stderr=log, start_new_session=True)
+    until = time.monotonic() + _PATIENCE
+    while time.monotonic() < until and viewer.poll() is None:
+        with socket.socket() as s:
+            if s.connect_ex(("127.0.0.1", port)) == 0:
+                return viewer, port
+        time.sleep(0.1)
+    end(viewer)
+    raise GmsError("the rerun viewer does not start; it needs a screen and a graphics driver. Without them write a "
+                   "recording: give a .rrd file")  # fmt: skip
+
+
+def _picture(file: Path) -> bytes:
     """PNG of a viewer without a window."""
     from rerun.experimental import ViewerClient
 
-    command = [*command, "--headless", "--window-size", "1600x1000"]
     with tempfile.TemporaryFile() as log:
-        viewer = subprocess.Popen(command, stdout=log, stderr=log)
         last = "no answer"
         try:
-            for _ in range(40):  # until it listens
+            viewer, port = _viewer([str(file), "--headless", "--window-size", "1600x1000"], log)
+        except GmsError as error:
+            raise _no_picture(log, str(error)) from None
+        try:
+            for _ in range(40):  # until it paints
                 time.sleep(0.5)
                 if viewer.poll() is not None:
                     break
                 try:
-                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                    client = ViewerClient.connect(_address(port))
                     client.take_screenshot(max_size=64)  # answers once the first frame is painted
                     time.sleep(_LOADING)
                     return client.take_screenshot()
                 except Exception as error:  # whatever it is, the viewer is not up yet
                     last = str(error)
-            log.seek(0)
-            said = log.read().decode(errors="replace").strip().splitlines() or [last]
-            raise GmsError(
-                f"the rerun viewer made no picture ({said[-1][:160]}); it needs a Vulkan driver, "
-                "on Debian the package mesa-vulkan-drivers"
-            )
+            raise _no_picture(log, last)
         finally:
-            viewer.kill()
-            viewer.wait()
+            end(viewer)
+
+
+def _no_picture(log: Any, last: str) -> GmsError:
+    log.seek(0)
+    said = log.read().decode(errors="replace").strip().splitlines() or [last]
+    return GmsError(
+        f"the rerun viewer made no picture ({said[-1][:160]}); it needs a Vulkan driver, "
+        "on Debian the package mesa-vulkan-drivers"
+    )
 
 
 def free_port() -> int:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from gms_mujoco import cli, effects
+from gms_mujoco import cli, effects, files
 from gms_mujoco.dataset import save
 from gms_mujoco.plant import Plant
 from gms_mujoco.progress import Bar
@@ -205,6 +205,16 @@ def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
     refuses(capsys, "recording.rrd", argv=["view", tmp_path])
     (tmp_path / "data.csv").touch()
     refuses(capsys, "not a recording", argv=["view", tmp_path / "data.csv"])
+    refuses(capsys, "no such file", argv=["view", tmp_path / "robot.xml"])
+    refuses(capsys, "is none", argv=["view", tmp_path / "data.csv", "-o", tmp_path / "out.rrd"])
+    (tmp_path / "robot.xml").write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
+    refuses(capsys, "must not be negative", argv=["view", tmp_path / "robot.xml", "--seconds", "-1"])
+
+
+def test_view_keeps_the_motion_of_a_model(tmp_path: Path) -> None:
+    arm, kept = str(files.MODELS / "arm.xml"), tmp_path / "arm.rrd"
+    assert cli.main(["view", arm, "--seconds", "0.05", "-o", str(kept)]) == 0
+    assert kept.stat().st_size > 1000
 
 
 def test_interrupting_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -432,28 +432,23 @@ def test_moving_tells_more_than_standing():
     assert gains[1] > gains[0] + 1
 
 
-def test_a_window_is_drawn_at_its_rate_and_closed(monkeypatch):
-    viewer = pytest.importorskip("mujoco.viewer")
-    shown, closed = [], []
+def test_a_run_is_streamed_to_rerun_with_friction_reference_and_position(tmp_path):
+    from test_scene import read
 
-    class Window:
-        def __init__(self, model, data):
-            self.data = data
-
-        def sync(self):
-            shown.append(self.data.qpos[0])
-
-        def close(self):
-            closed.append(True)
-
-    monkeypatch.setattr(viewer, "launch_passive", Window)
-    env = gym.make(IDS[0], render_mode="human").unwrapped
-    env.reset(seed=0)
-    for _ in range(200):
-        env.step(np.array([0.1]))
-    assert len(shown) == 1 + 5 and shown[-1] == env.axes.position[0] and not closed
+    env = gym.make(IDS[0], render_mode="human", recording=tmp_path / "run.rrd", episode_steps=300).unwrapped
+    torques = []
+    for seed in (0, 1):  # the second with another friction
+        env.reset(seed=seed)
+        for _ in range(200):
+            env.step(np.array([0.02]))
+            torques.append(env.friction)
     env.close()
-    assert closed == [True]
+    env.close()
+    seen = read(tmp_path / "run.rrd")
+    time, torque = seen["/friction/shaft/torque"]
+    assert len(time) == 2 * (1 + 200 // 5) and np.all(np.diff(time) > 0)  # 400 looks a second, one after each reset
+    np.testing.assert_allclose(torque[1:41], torques[4:200:5])
+    assert {"/values/reference", "/values/position", "/robot/bodies/rotor"} <= set(seen)
 
 
 def test_a_state_can_be_kept_in_a_file():

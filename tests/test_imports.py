@@ -26,7 +26,7 @@ LAYERS = [
     {"diagnose"},
     {"page", "page_frf"},
     {"demo", "report"},
-    {"env", "vector_env", "control", "drawing", "view", "tour"},
+    {"env", "vector_env", "control", "drawing", "scene", "view", "tour"},
     {"learn"},
     {"sb3"},
     {"cli"},
@@ -34,7 +34,8 @@ LAYERS = [
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 EDGES = {
-    "registration", "env", "vector_env", "control", "drawing", "view", "tour", "learn", "sb3", "cli", "report", "demo",
+    "registration", "env", "vector_env", "control", "drawing", "scene", "view", "tour", "learn", "sb3", "cli",
+    "report", "demo",
 }  # fmt: skip
 OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch"}
 

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from told import tell
 
-from gms_mujoco import tour, view
+from gms_mujoco import scene, tour, view
+from gms_mujoco.errors import GmsError
 from gms_mujoco.figure import COLOURS
 
 PATIENCE = 120.0  # s until a picture shows what it should
@@ -41,16 +42,11 @@ def _shows(png: bytes, colours: tuple[str, ...]) -> bool:
 
 @contextmanager
 def _running(*command: str) -> Iterator[subprocess.Popen[bytes]]:
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         yield process
     finally:
-        process.terminate()
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        scene.end(process)
 
 
 def _listens(port: int) -> bool:
@@ -65,6 +61,13 @@ def test_a_picture_without_a_screen_shows_both_models(recording: Path, tmp_path:
     view.open_recording(recording, tmp_path / "view.png")
     png = (tmp_path / "view.png").read_bytes()
     assert _shows(png, (COLOURS[1], COLOURS[2]))
+    assert not _viewers_of(recording)
+
+
+def _viewers_of(recording: Path) -> list[str]:
+    """Processes that show a recording."""
+    lines = (p.read_bytes().decode(errors="replace") for p in Path("/proc").glob("[0-9]*/cmdline") if p.exists())
+    return [line for line in lines if str(recording) in line]
 
 
 def test_a_browser_shows_both_models(recording: Path, tmp_path: Path) -> None:
@@ -115,3 +118,28 @@ def test_the_viewer_listens_on_this_machine_only(recording: Path, monkeypatch: p
     view.open_recording(recording.parent)
     (command,) = started
     assert command[command.index("--bind") + 1] == "127.0.0.1" and str(recording) in command
+
+
+def test_a_viewer_opens_for_this_machine_and_ends_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The viewer is stood in for by a program that listens and, as `rerun` does, leaves the work to a child."""
+    child = "import socket, sys, time; s = socket.create_server(('127.0.0.1', int(sys.argv[1]))); time.sleep(60)"
+    commands: list[list[str]] = []
+
+    def stand_in(port: int, *more: str) -> list[str]:
+        commands.append(real(port, *more))
+        inside = f"import subprocess; subprocess.call({[sys.executable, '-c', child, str(port), str(tmp_path)]})"
+        return [sys.executable, "-c", inside]
+
+    real = view._command
+    monkeypatch.setattr(view, "_command", stand_in)
+    process, port = view._viewer([])
+    assert commands[0][commands[0].index("--bind") + 1] == "127.0.0.1" and _listens(port)
+    assert not Path("/proc").is_dir() or _viewers_of(tmp_path)
+    scene.end(process)
+    assert not _listens(port) and not _viewers_of(tmp_path)
+
+
+def test_a_viewer_that_does_not_start_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(view, "_command", lambda *_: [sys.executable, "-c", "raise SystemExit(1)"])
+    with pytest.raises(GmsError, match=r"give a \.rrd file"):
+        view._viewer([])
