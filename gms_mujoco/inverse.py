@@ -169,6 +169,10 @@ class Observation:
         signals = {**self.record.signals, "position": position}
         return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff)
 
+    def unsmoothed(self) -> Observation:
+        """The same observation, whose position is taken as it stands."""
+        return replace(self, cutoff=1 / self.record.sample_time)
+
     def seen_by(self, plant: Plant) -> Observation:
         """The same observation of where the joint was, given the plant's sensor effects; itself where it has none."""
         sensors = tuple(e for e in plant.effects if e.kind == "sensor")

@@ -24,6 +24,7 @@ _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
 _FINER = 20.0  # than the instants that a replay takes
 _NEGLIGIBLE = 0.01  # of the torque
+_PARTS = 8  # of a sample, in which a possible motion is followed
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,23 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     segment = min(1024, *(len(r) // 4 for r in alike))
     errors = [held_mean(r.torque) - _rigid(r, inertia) for r in alike]
     inertia = typical_inertia(alike, inertia)
-    spectra = [
-        signal.welch(e[1:-1], 1 / h, nperseg=segment, average="median", detrend="linear") for e in errors
-    ]
-    f = spectra[0][0]
+    f = np.fft.rfftfreq(segment, h)
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
+
+    def spectra(series: Sequence[Array]) -> list[Array]:
+        return [signal.welch(x, 1 / h, nperseg=segment, average="median", detrend="linear")[1] for x in series]
+
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
-    density = np.quantile([signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for _, d in spectra], _QUIETER, axis=0)[use]
+    smooth = [signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
+    density = np.quantile(smooth, _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
     shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = _variances(shapes, density)
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
+    # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
+    most = np.quantile([np.median(d[use]) for d in spectra([r.torque for r in alike])], _QUIETER) / (2 * h)
+    torque = min(torque, np.sqrt(most))
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
 
 
@@ -193,22 +199,50 @@ def sensor_residual(
 ) -> Array:
     """(m,) residual that the noise of the sensors alone leaves on a record, one draw [N m].
 
-    The smoothed motion is taken as true. It is read again through a noisy, quantising encoder and passed through the
-    same inverse dynamics.
+    A motion that the plant can make under the measured torque, see `possible_motion`, is taken as true. It is read
+    again through a noisy, quantising encoder and passed through the same inverse dynamics.
     """
     r = observation.record
-    true = observation.position
-    seen = observation.again(true).needed(plant, memory)
+    true = possible_motion(observation, plant, memory, noise)
+    seen = observation.again(true).unsmoothed().needed(plant, memory)
     extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0)) * rng.standard_normal(len(true))
     read = true + extra
     if noise.resolution:
-        # The smoothed motion still holds some of the first reading, and a second through the same counts would agree
-        # with that more than two readings do: the counts are put elsewhere.
+        # A second reading through the same counts would agree with the first more than two readings do, as far as
+        # the motion still holds some of it: the counts are put elsewhere.
         shift = noise.resolution * (0.25 + 0.5 * rng.random())
         read = np.round((read + shift) / noise.resolution) * noise.resolution - shift
     noisy = observation.again(read).needed(plant, memory)
     torque = held_mean(noise.torque * rng.standard_normal(len(r)))
     return observation.band(torque) - (noisy - seen)
+
+
+def possible_motion(observation: Observation, plant: Plant, memory: Array | None, noise: Noise) -> Array:
+    """(n,) position that the encoder would have read like this, and along which the torque of the plant balances [rad].
+
+    While the contact bends by less than a count the smoothed readings rest, or step where the axis glides, and the
+    plant needs another torque along them than along the motion. So the plant is simulated under the measured torque;
+    only what strays further from the readings than half a count is pulled back. Without counts the smoothed
+    position is that motion.
+    """
+    r, seen, inertia = observation.record, observation.seen_by(plant), plant.driven_inertia
+    if not noise.resolution or inertia <= 0:
+        return observation.position
+
+    def often(name: str) -> Array | None:
+        values = r.get(name)
+        return None if values is None else np.repeat(values, _PARTS)
+
+    torque, rigid = plant.delivered(r.torque, r.sample_time, _PARTS), often("rigid_torque")
+    motion = plant.joint().simulate(
+        typical_inertia([r], inertia), r.sample_time / _PARTS, torque if rigid is None else torque - rigid,
+        float(seen.position[0]), float(seen.velocity[0]),
+        start=float(r.time[0]), load=often("load"), temperature=often("temperature"), memory=memory,
+        path=np.interp(np.arange(len(torque)) / _PARTS, np.arange(len(r)), seen.position),
+        near=noise.resolution / 2, pull=2 * np.pi * observation.bandwidth,
+    )  # fmt: skip
+    moved = motion.position[::_PARTS]
+    return observation.position + (moved - seen.position) if np.isfinite(moved).all() else observation.position
 
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:

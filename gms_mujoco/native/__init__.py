@@ -81,7 +81,7 @@ def _load() -> ctypes.CDLL:
         (
             "gms_joint_simulate",
             integer,
-            (pointer, integer, integer, integer, real, real, real) + (pointer,) * 9,
+            (pointer, integer, integer, integer, real, real, real) + (pointer,) * 6 + (real, real) + (pointer,) * 4,
         ),
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
@@ -311,6 +311,9 @@ class Joint:
         state: Array | None = None,
         integration: str = "auto",
         states: bool = False,
+        path: Array | None = None,
+        near: float = 0.0,
+        pull: float = 0.0,
     ) -> Motion:
         """Motion of one axis under a torque that is held from each sample to the next.
 
@@ -331,6 +334,9 @@ class Joint:
             state: (n_state,) state at the first sample, one of those a replay returns, instead of `memory`.
             integration: "auto", "explicit" or "implicit".
             states: whether to return the states.
+            path: (n,) positions to stay near [rad], optional.
+            near: distance from the path within which the motion is free [rad].
+            pull: natural frequency of the critically damped spring that pulls back what strays further [rad/s].
 
         Raises:
             ModelError: inertia, sample time or substeps is not positive, or the integration is unknown.
@@ -343,7 +349,8 @@ class Joint:
         if integration not in INTEGRATION:
             raise ModelError(f"integration must be one of {listing(INTEGRATION)}; {integration!r} given")
         inputs = [
-            None if a is None else np.ascontiguousarray(a, float) for a in (torque, load, temperature, memory, state)
+            None if a is None else np.ascontiguousarray(a, float)
+            for a in (torque, load, temperature, memory, state, path)
         ]
         n = len(torque)
         q, v, friction = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
@@ -357,6 +364,9 @@ class Joint:
             sample_time,
             inertia,
             start,
-            *map(_address, (*inputs, q, v, friction, history)),
+            *map(_address, inputs),
+            near,
+            pull,
+            *map(_address, (q, v, friction, history)),
         )
         return Motion(q, v, friction, history)

@@ -214,9 +214,13 @@ GMS_API int gms_joint_mean(const Joint* joint, int n, const double* time, const 
 // of the effects at each sample. Semi-implicit Euler with `substeps` per sample, as MuJoCo's Euler; the effects are
 // taken explicitly at the beginning of a step or by backward Euler (`implicit` 1 or 0; -1: where the step is
 // long for their stiffness). Returns the number of samples done: fewer than n where the motion ran away.
+//
+// With a `path` (n positions) the motion is kept within `near` of the straight lines between them, by a spring
+// and damper of natural frequency `pull` [rad/s] that act on what it strays further.
 GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int implicit, double sample_time,
                                double inertia, double start, const double* torque, const double* load,
                                const double* temperature, const double* memory, const double* initial,
+                               const double* path, double near, double pull,
                                double* position, double* velocity, double* friction, double* states) {
   const int n_state = joint->n_state();
   std::vector<double> state(n_state), next(n_state);
@@ -241,9 +245,16 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
   for (int k = 0; k < n; k++) {
     now.load = load ? load[k] : 0;
     now.temperature = temperature ? temperature[k] : 0;
+    const double rate = path && k + 1 < n ? (path[k + 1] - path[k]) / sample_time : 0;
     for (int i = 0; i < substeps; i++) {
       double f = joint->torque(now, state.data(), next.data());
       state.swap(next);
+      double applied = torque[k];
+      if (path) {
+        const double off = now.position - path[k] - rate * i * h;
+        const double beyond = off - std::fmin(std::fmax(off, -near), near);
+        if (beyond != 0) applied -= inertia * pull * (pull * beyond + 2 * (now.velocity - rate));
+      }
       if (implicit) {
         auto& unit = solver.units[0];
         unit.joint = joint;
@@ -254,7 +265,7 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
         unit.state = state.data();
         unit.torque = f;
         unit.slope = slope;
-        solver.solve(1, tree, nullptr, &now.velocity, &torque[k], h);
+        solver.solve(1, tree, nullptr, &now.velocity, &applied, h);
         f = unit.torque;
         slope = unit.slope;
       }
@@ -265,7 +276,7 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
         if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
         if (!std::isfinite(now.position) || !std::isfinite(f)) return k;
       }
-      now.velocity += h * ((f + torque[k]) * mobility);
+      now.velocity += h * ((f + applied) * mobility);
       now.position += h * now.velocity;
       now.time += h;
     }
