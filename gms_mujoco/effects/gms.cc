@@ -31,46 +31,39 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   }
   const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
   const double distance = scale * std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
-  double s = -1, decay = 0;  // dear, and not needed while every element sticks well below its limit
-  const auto look = [&] {
-    if (s >= 0) return;
-    s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
-    decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
-  };
-  for (int i = 0; i < n; i++, state += 2, next += 2) {
-    double force = direction * state[kForce];  // grows towards `limit` in the direction of motion
-    if (state[kSlip] == direction) {
-      look();
-      const double limit = fraction[i] * s;
-      force = limit + (force - limit) * decay;
-      next[kForce] = direction * force;
-      next[kSlip] = direction;
-      total += force;
-      continue;
-    }
-    // It sticks, or has just reversed and sticks again.
-    const double stuck = force + stiffness[i] * distance;
-    double slip = 0;
-    if (stuck <= fraction[i] * least && stuck >= -fraction[i] * most) {
-      force = stuck;
-    } else {
-      look();
-      const double limit = fraction[i] * s;
-      if (stuck < -fraction[i] * most) {  // what modulates friction no longer lets it carry its force: gives way
-        slip = direction;
-        force = -fraction[i] * most;
+  // Forces here grow in the direction of motion. While every element sticks well below its limit nobody needs the
+  // Stribeck curve, which is dear.
+  int i = 0;
+  for (; i < n; i++) {
+    const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
+    if (state[2 * i + kSlip] == direction || !(force <= fraction[i] * least && force >= -fraction[i] * most)) break;
+    next[2 * i + kForce] = direction * force;
+    next[2 * i + kSlip] = 0;
+    total += force;
+  }
+  if (i == n) return -direction * total;
+
+  const double s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
+  const double decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
+  for (; i < n; i++) {
+    const double limit = fraction[i] * s;
+    double force = direction * state[2 * i + kForce], slip = direction;
+    if (state[2 * i + kSlip] != direction) {  // it sticks, or has just reversed and sticks again
+      const double stuck = force + stiffness[i] * distance, lowest = -fraction[i] * most;
+      if (stuck < lowest) {  // what modulates friction no longer lets it carry its force: gives way
+        force = lowest;
       } else if (stuck > limit) {
         // An element that reaches its limit inside the interval slides at it for the rest; one that the level has
         // dropped below keeps its force and relaxes.
-        slip = direction;
         if (force < limit) force = limit;
       } else {
         force = stuck;
+        slip = 0;
       }
-      if (slip != 0) force = limit + (force - limit) * decay;
     }
-    next[kForce] = direction * force;
-    next[kSlip] = slip;
+    if (slip != 0) force = limit + (force - limit) * decay;
+    next[2 * i + kForce] = direction * force;
+    next[2 * i + kSlip] = slip;
     total += force;
   }
   return -direction * total;

@@ -2,6 +2,12 @@
 
 #include <algorithm>
 
+#if defined(_MSC_VER)
+#define GMS_RESTRICT __restrict
+#else
+#define GMS_RESTRICT __restrict__
+#endif
+
 namespace gms {
 
 namespace {
@@ -47,7 +53,7 @@ void Implicit::factor(const Tree& tree) {
     const double inverse = 1 / row[last];
     diagonal_[k] = inverse;
     for (int i = last - 1; i >= 0; i--) {
-      double* above = value + tree.row_start[column[i]];
+      double* GMS_RESTRICT above = value + tree.row_start[column[i]];  // never the row itself
       const double ratio = row[i] * inverse;
       for (int j = 0; j <= i; j++) above[j] -= ratio * row[j];
       row[i] = ratio;

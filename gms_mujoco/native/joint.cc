@@ -22,6 +22,7 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1};
   if (effect->modulate) modulators_.push_back(call);
   if (effect->torque) torques_.push_back(call);
+  only_ = modulators_.empty() && torques_.size() == 1 ? torques_[0] : Call{};
   if (effect->n_state) n_state_ += effect->n_state(n);
   if (effect->n_memory) n_memory_ += effect->n_memory(n);
 }
@@ -49,15 +50,7 @@ double Joint::torque(const Sample& now, const double* state, double* next, doubl
   return next ? torque(motion, state, next, parts) : torque_only(motion, state, parts);
 }
 
-double Joint::torque_only(const Motion& motion, const double* state, double* parts) const {
-  double next[kMaxState];
-  return torque(motion, state, next, parts);
-}
-
-double Joint::torque(const Motion& motion, const double* state, double* next, double* parts) const {
-  next[0] = motion.position;
-  next[1] = motion.time;
-
+double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
   Level level;
   for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, level);
   if (parts) std::fill(parts, parts + uses_.size(), 0.0);

@@ -82,8 +82,17 @@ class Joint {
 
  private:
   double slope_once(double h) const;
-  double torque(const Motion& motion, const double* state, double* next, double* parts) const;
-  double torque_only(const Motion& motion, const double* state, double* parts = nullptr) const;
+  double torque(const Motion& motion, const double* state, double* next, double* parts) const {
+    next[0] = motion.position;
+    next[1] = motion.time;
+    if (!only_.effect || parts) return sum(motion, state, next, parts);
+    return only_.effect->torque(only_.p, only_.n, motion, Level(), state + only_.state, next + only_.state);
+  }
+  double torque_only(const Motion& motion, const double* state, double* parts = nullptr) const {
+    double next[kMaxState];
+    return torque(motion, state, next, parts);
+  }
+  double sum(const Motion& motion, const double* state, double* next, double* parts) const;
 
   struct Call {  // of a function of one effect
     const Effect* effect;
@@ -93,6 +102,7 @@ class Joint {
 
   std::vector<Use> uses_;
   std::vector<Call> modulators_, torques_;
+  Call only_{};  // the one call of a joint that needs no other, as most do; else without an effect
   int n_state_ = kAnchor;
   int n_memory_ = 0;
   bool has_load_ = false;
