@@ -255,7 +255,9 @@ def install_callback() -> None:
     Stiff and static friction answers the torque of its own step. Where a model has actuators, the plug-in evaluates
     it once their forces are known, whatever sets the controls. Where it has none, the plug-in alone does so
     together with the passive forces, before a control callback sets `qfrc_applied` or `xfrc_applied`; with this
-    callback, after that. Where no callback sets any, the results are the same.
+    callback, after that. Where no callback sets any, the results are the same. `mj_inverse`, which calls nothing but
+    the passive forces, has the friction of the acceleration in `qacc` with actuators or this callback; without both
+    it has that of the torque applied, as the last `mj_forward` found it.
 
     It is a C function, so that threads and `mujoco.batch.Batch` take it. A Python callback that is installed already
     runs first; the two are one Python callback then. Setting another callback later on replaces this one, and the

@@ -230,3 +230,26 @@ def test_error_in_a_callback_of_others_comes_through():
     install_callback()
     with pytest.raises(KeyError, match="theirs"):
         mujoco.mj_step(model, data)
+
+
+def test_inverse_dynamics_without_actuators_has_the_friction_of_the_torque_that_is_applied():
+    """mj_inverse calls passive forces alone, and without actuators a stiff joint answers what stands in qfrc_applied;
+    with the callback it answers the acceleration asked for."""
+    model, data = made(BARE, plant=DRY)
+    for u in (3e-3, 1e-2, -6e-3):  # one that holds, two that break away
+        data.qfrc_applied[0] = u
+        mujoco.mj_step(model, data, 20)
+        mujoco.mj_forward(model, data)
+        found = data.qacc.copy(), data.qfrc_passive.copy()
+        for acceleration in (0.0, 40.0, -40.0):
+            data.qacc[0] = acceleration
+            mujoco.mj_inverse(model, data)
+            assert data.qfrc_passive[0] == found[1][0]
+            assert data.qfrc_inverse[0] == pytest.approx(data.M[0] * acceleration - found[1][0], abs=1e-9)
+        data.qacc[:] = found[0]
+        mujoco.mj_inverse(model, data)
+        assert data.qfrc_inverse[0] == pytest.approx(u, abs=1e-9)
+    install_callback()
+    data.qacc[0] = -2 * data.qvel[0] / model.opt.timestep  # turns back, and friction with it
+    mujoco.mj_inverse(model, data)
+    assert data.qfrc_passive[0] == pytest.approx(-found[1][0], rel=1e-9)

@@ -26,6 +26,18 @@ def test_replay_starts_from_the_memory_given():
     assert np.allclose(torque, -FC * (0.1 + 0.2 - 0.3))
 
 
+@pytest.mark.parametrize("verb", ["replay", "mean"])
+@pytest.mark.parametrize("name", ["time", "position", "velocity", "load", "temperature", "memory"])
+@pytest.mark.parametrize("wrong", [1.0, np.zeros(2), np.zeros((3, 1))], ids=["scalar", "short", "column"])
+def test_arrays_of_another_length_are_refused_by_name(verb, name, wrong):
+    joint = (Plant.axis(J) + gms()).joint()
+    series = ("time", "position", "velocity", "load", "temperature")
+    arrays = {key: np.arange(3.0) for key in series} | {"memory": np.zeros(4)}
+    getattr(joint, verb)(**arrays)
+    with pytest.raises(ModelError, match=r"has shape \(.*\), expected \("):
+        getattr(joint, verb)(**arrays | {name: wrong})
+
+
 def test_replay_does_not_depend_on_where_time_or_position_begins():
     joint = (Plant.axis(J) + gms()).joint()
     t = np.arange(1000) * 1e-3

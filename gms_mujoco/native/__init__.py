@@ -228,12 +228,11 @@ class Joint:
             temperature: (n,) [degC], optional.
             memory: (n_memory,) state before the first sample, each in [-1, 1] of its level; None: never moved.
             parts, states: whether to return the share of each effect and the states.
+
+        Raises:
+            ModelError: an array of another length.
         """
-        inputs = [
-            None if a is None else np.ascontiguousarray(a, float)
-            for a in (time, position, velocity, load, temperature, memory)
-        ]
-        n = len(time)
+        n, inputs = self._motion(time, position, velocity, load, temperature, memory)
         torque = np.empty(n)
         shares = np.empty((n, self.n_effects)) if parts else None
         history = np.empty((n, self.n_state)) if states else None
@@ -241,6 +240,17 @@ class Joint:
             self._handle, n, *map(_address, inputs), _address(torque), _address(shares), _address(history)
         )
         return Replay(torque, shares, history)
+
+    def _motion(self, time: Array, *others: Array | None) -> tuple[int, list[Array | None]]:
+        """Number of samples of a motion, and its arrays as the library reads them, which does not look at lengths."""
+        names = ("time", "position", "velocity", "load", "temperature", "memory")
+        inputs = [None if a is None else np.ascontiguousarray(a, float) for a in (time, *others)]
+        n = np.size(time)
+        for name, given, array in zip(names, (time, *others), inputs, strict=True):
+            shape = (self.n_memory if name == "memory" else n,)
+            if array is not None and np.shape(given) != shape:
+                raise ModelError(f"{name} has shape {np.shape(given)}, expected {shape}")
+        return n, inputs
 
     def cycle(self, period: Array, position: Array, velocity: Array) -> Array:
         """Torque along periodic motions, in the steady state [N m].
@@ -284,12 +294,11 @@ class Joint:
         Returns:
             (n,) mean torque, at the first and the last sample the torque itself [N m]; and the instants between which
             the torque was taken as straight, in samples from the first.
+
+        Raises:
+            ModelError: an array of another length.
         """
-        inputs = [
-            None if a is None else np.ascontiguousarray(a, float)
-            for a in (time, position, velocity, load, temperature, memory)
-        ]
-        n = len(time)
+        n, inputs = self._motion(time, position, velocity, load, temperature, memory)
         torque, instants = np.empty(n), np.empty(_MOST_INSTANTS * n)
         count = library.gms_joint_mean(
             self._handle, n, *map(_address, inputs), tolerance, _address(torque), _address(instants), len(instants)
