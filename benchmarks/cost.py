@@ -2,13 +2,15 @@
 
 Servo axis, seven-joint arm, and a humanoid of 27 driven hinges that stands on a floor; four elements on every hinge.
 The variants take turns in short rounds of one process; the figure is the median over the rounds of the ratio to the
-plain model in the same round, with the quartiles. Then instructions by callgrind, which no neighbour disturbs: those
-of a step beyond the plain one, per joint and element. Friction changes how the humanoid moves and with that the
-work of its contacts, which is in its figures, ours and theirs. Last, a batch on one thread and on all.
+plain model in the same round, with the quartiles. A plug-in that does nothing shows what MuJoCo takes for calling one.
+Friction calms a motion, and with it the work of contacts and limits, ours as theirs: so each is also set over the plain
+model on the same motion, which gets the torque of the friction applied. Then a batch on one thread and on all. Last,
+instructions by callgrind, which no neighbour disturbs: those of a step beyond the plain one, per joint and element.
 
 Run: python benchmarks/cost.py [rounds]
 """
 
+import ctypes
 import os
 import re
 import shutil
@@ -21,10 +23,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
+import mujoco.rollout
 import numpy as np
 from mujoco.batch import Batch
 
-from gms_mujoco import effects, engine
+from gms_mujoco import effects, engine, native
 from gms_mujoco.plant import Plant
 
 Variant = Callable[[mujoco.MjSpec], str | None]  # changes the spec, or returns MJCF to add
@@ -120,8 +123,56 @@ def frictionloss(spec: mujoco.MjSpec) -> None:
         j.frictionloss = level(spec)
 
 
+class MjpPlugin(ctypes.Structure):
+    """The head of MuJoCo's mjpPlugin; room for what follows, which is not used."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("nattribute", ctypes.c_int),
+        ("attributes", ctypes.c_void_p),
+        ("capabilityflags", ctypes.c_int),
+        ("needstage", ctypes.c_int),
+        *((name, ctypes.c_void_p) for name in ("nstate", "nsensordata", "init", "destroy", "copy", "reset")),
+        *((name, ctypes.c_void_p) for name in ("compute", "advance")),
+        ("rest", ctypes.c_void_p * 16),
+    )
+
+
+EMPTY = "gms_mujoco.benchmark.empty"
+_empty: list[object] = []  # what the plug-in table points to
+
+
+def register_empty() -> None:
+    """Registers a plug-in with the capabilities of ours that does nothing. What a step calls is C that
+    returns at once."""
+    lib, zero = engine._libmujoco(), ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
+    none = ctypes.cast(lib.mj_version, ctypes.c_void_p).value
+    init, nstate = zero(lambda *_: 0), ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int)(lambda *_: 0)
+    plugin = MjpPlugin()
+    lib.mjp_defaultPlugin(ctypes.byref(plugin))
+    plugin.name = EMPTY.encode()
+    plugin.capabilityflags = mujoco.mjtPluginCapabilityBit.mjPLUGIN_PASSIVE | (
+        mujoco.mjtPluginCapabilityBit.mjPLUGIN_ACTUATOR
+    )
+    plugin.init = ctypes.cast(init, ctypes.c_void_p).value
+    plugin.nstate = ctypes.cast(nstate, ctypes.c_void_p).value
+    plugin.reset = plugin.compute = plugin.advance = none
+    lib.mjp_registerPlugin(ctypes.byref(plugin))
+    _empty[:] = [init, nstate, plugin]
+
+
+def empty(spec: mujoco.MjSpec) -> None:
+    """An instance of the plug-in that does nothing."""
+    if not _empty:
+        register_empty()
+    spec.activate_plugin(EMPTY)
+    instance = spec.add_plugin(name="empty", plugin_name=EMPTY, active=True)
+    hinges(spec)[0].parent.plugin = instance
+
+
 VARIANTS = {
     "plain": plain,
+    "empty plug-in": empty,
     "gms explicit": gms("explicit"),
     "gms implicit": gms("implicit"),
     "gms implicit, 100 x stiffer": gms("implicit", 100),
@@ -183,6 +234,62 @@ def times(rounds: int) -> None:
             us = np.median(spent[v]) * 1e6
             rows[v].append(f"{us:8.2f} us" if v == "plain" else f"{mid:.3f} ({low:.3f}-{high:.3f})")
     table(rows)
+
+
+def friction_torques(model: mujoco.MjModel, data: mujoco.MjData) -> Callable[[], np.ndarray]:
+    """Reads the torque of the friction on each dof in the last step: of our plug-in, or of LuGre as an actuator."""
+    places = [(model.jnt_dofadr[j], native.reading(model._address, data._address, j)) for j in range(model.njnt)]
+    ours = [(dof, found[0]) for dof, found in places if found]
+    dofs, torques = np.array(ours or [(0, 0)]).T
+
+    def read() -> np.ndarray:
+        if not ours:
+            return data.qfrc_actuator.copy()
+        out = np.zeros(model.nv)
+        out[dofs] = data.plugin_state[torques]
+        return out
+
+    return read
+
+
+def along(rounds: int) -> None:
+    """Step time over that of the plain model on the same motion. Both run from torques recorded for every step."""
+    print(f"\nstep time over plain on the same motion, median (quartiles) of {rounds} rounds")
+    variants = ("gms explicit", "gms implicit", "gms implicit, 100 x stiffer", "dcmotor LuGre")
+    rows: dict[str, list[str]] = {v: [] for v in variants}
+    spec, full = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_FULLPHYSICS
+    for name, source in SOURCES.items():
+        n = STEPS[name]
+        for v in variants:
+            pair = [build(source, VARIANTS[v]), build(source, plain)]
+            (model, data), read = pair[0], friction_torques(*pair[0])
+            size, rng = 4.5e-3 if model.nv == 1 else 4.0, np.random.default_rng(0)
+            applied, friction = np.zeros((n, model.nv)), np.zeros((n, model.nv))
+            for k in range(n):
+                applied[k] = applied[k - 1]
+                if k % (n // 10) == 0:
+                    applied[k, -27:] = rng.normal(size=min(model.nv, 27)) * 1.2 * size
+                data.qfrc_applied[:] = applied[k]
+                mujoco.mj_step(model, data)
+                friction[k] = read()
+            ratios, ends = [], []
+            for i in range(rounds + 3):
+                spent = []
+                for (m, d), torque in zip(pair, (applied, applied + friction), strict=True):
+                    mujoco.mj_resetData(m, d)
+                    start = np.empty(mujoco.mj_stateSize(m, full))
+                    mujoco.mj_getState(m, d, start, full)
+                    before = time.thread_time()
+                    mujoco.rollout.rollout(m, d, start, torque[None], control_spec=spec)
+                    spent.append(time.thread_time() - before)
+                    ends.append(d.qpos.copy())
+                if i >= 3:
+                    ratios.append(spent[0] / spent[1])
+            low, mid, high = np.quantile(ratios, [0.25, 0.5, 0.75])
+            same = np.allclose(ends[0], ends[1], rtol=1e-4, atol=1e-6)
+            rows[v].append(f"{mid:.3f} ({low:.3f}-{high:.3f})" + ("" if same else " !"))
+    table(rows)
+    print("!: the plain model has left the motion, by rounding that grows at contacts")
 
 
 COUNTED = 100  # steps
@@ -252,6 +359,7 @@ def main() -> None:
         return
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 60
     times(rounds)
+    along(rounds)
     batch(rounds)
     instructions()
 
