@@ -246,9 +246,9 @@ class Joint:
         names = ("time", "position", "velocity", "load", "temperature", "memory")
         inputs = [None if a is None else np.ascontiguousarray(a, float) for a in (time, *others)]
         n = np.size(time)
-        for name, given, array in zip(names, (time, *others), inputs, strict=True):
+        for name, given in zip(names, (time, *others), strict=True):
             shape = (self.n_memory if name == "memory" else n,)
-            if array is not None and np.shape(given) != shape:
+            if given is not None and np.shape(given) != shape:
                 raise ModelError(f"{name} has shape {np.shape(given)}, expected {shape}")
         return n, inputs
 
