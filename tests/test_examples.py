@@ -12,7 +12,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 import arm_friction
 import compensated_axis
 import free_response
+import frf_to_parameters
+import missing_effect
+import train_policy
 import transfer
+import watch_arm
+
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 
 @pytest.mark.parametrize(("run", "turned", "speed"), [("pulse", 1.17, 15.4), ("hand_spin", 0.55, 7.6)])
@@ -50,3 +56,46 @@ def test_compensated_the_axis_is_a_bare_inertia_without_dahl_resonance():
     height, at = axis.resonance(plain)
     assert height > 3 and 20 < at < 45 and axis.off_the_mass_line(plain) > 6
     assert axis.resonance(compensated)[0] == 0 and axis.off_the_mass_line(compensated) < 1
+
+
+def test_a_falling_arm_is_recorded(tmp_path, capsys):
+    watch_arm.main(str(tmp_path / "arm.rrd"))
+    assert (tmp_path / "arm.rrd").stat().st_size > 1e5
+    assert float(re.search(r"sank by ([\d.]+) deg", capsys.readouterr().out)[1]) > 10
+
+
+def test_parameters_come_out_of_frequency_responses(capsys):
+    frf_to_parameters.main()
+    off = [float(x) for x in re.findall(r"off by ([\d.]+) %", capsys.readouterr().out)]
+    assert len(off) == 3 and max(off) < 6
+
+
+def test_the_missing_effect_is_found_in_a_log(capsys):
+    missing_effect.main()
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "explained: cogging"
+    baseline, added, floor = (float(line.split()[-2]) for line in lines[1:])
+    assert baseline > 20 * added and added < 1.3 * floor
+
+
+def test_a_universal_file_is_imported_with_its_units(capsys):
+    pytest.importorskip("pyuff", reason="needs the extra uff")
+    import import_uff
+
+    import_uff.main()
+    *levels, reading = capsys.readouterr().out.splitlines()
+    assert len(levels) == 4 and all("torque to position [rad/(N m)]" in line for line in levels)
+    assert [float(re.search(r"torque of ([\d.]+) mN m", line)[1]) for line in levels] == [0.8, 1.6, 2.8, 4.2]
+    assert float(re.search(r"inertia (\S+) kg", reading)[1]) == pytest.approx(2.4e-5, rel=0.03)
+
+
+def test_a_trained_policy_helps_the_pid(capsys):
+    train_policy.main(3)
+    times = [float(x) for x in re.findall(r"error ([\d.]+) times below the PID", capsys.readouterr().out)]
+    assert len(times) == 2 and times[0] > 1.3
+
+
+def test_every_example_stands_in_the_table_of_the_documentation():
+    page = (EXAMPLES.parent / "docs" / "pages" / "examples.md").read_text(encoding="utf-8")
+    for script in EXAMPLES.glob("*.py"):
+        assert f"`{script.name}`" in page, script.name

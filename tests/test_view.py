@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -61,13 +61,21 @@ def test_a_picture_without_a_screen_shows_both_models(recording: Path, tmp_path:
     view.open_recording(recording, tmp_path / "view.png")
     png = (tmp_path / "view.png").read_bytes()
     assert _shows(png, (COLOURS[1], COLOURS[2]))
-    assert not _viewers_of(recording)
+    assert _soon(lambda: not _viewers_of(recording))
 
 
 def _viewers_of(recording: Path) -> list[str]:
     """Processes that show a recording."""
     lines = (p.read_bytes().decode(errors="replace") for p in Path("/proc").glob("[0-9]*/cmdline") if p.exists())
     return [line for line in lines if str(recording) in line]
+
+
+def _soon(true: Callable[[], bool]) -> bool:
+    """Whether that becomes so: the system ends the children of a process after it."""
+    end = time.monotonic() + 10
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
 
 
 def test_a_browser_shows_both_models(recording: Path, tmp_path: Path) -> None:
@@ -136,7 +144,7 @@ def test_a_viewer_opens_for_this_machine_and_ends_whole(tmp_path: Path, monkeypa
     assert commands[0][commands[0].index("--bind") + 1] == "127.0.0.1" and _listens(port)
     assert not Path("/proc").is_dir() or _viewers_of(tmp_path)
     scene.end(process)
-    assert not _listens(port) and not _viewers_of(tmp_path)
+    assert _soon(lambda: not _listens(port) and not _viewers_of(tmp_path))
 
 
 def test_a_viewer_that_does_not_start_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
