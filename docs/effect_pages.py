@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from effect_pictures import picture
 from mkdocs.structure.files import File, Files
 
 from gms_mujoco.effect import KINDS, Effect
@@ -48,6 +49,7 @@ def page(effect: type[Effect]) -> str:
     if source:
         lines += ["", f"**Source{'s' * source.startswith('s')}**: {escaped(' '.join(source.lstrip('s:').split()))}"]
     lines += ["", "**What you see when the model lacks it**: " + escaped(effect.signature)]
+    lines += ["", picture(effect)]
     lines += ["", "**What to measure to bring it out**: " + escaped(effect.experiment)]
     lines += ["", "| parameter | unit | default | range | meaning |", "|---|---|---|---|---|"]
     for p in effect.parameters:

@@ -64,3 +64,43 @@ def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
     assert pages == {f"{name}.html" for name in CATALOGUE}
     for page in (tmp_path / "site").rglob("*.html"):
         assert not re.search(r'(src|href)="https?://(?!www\.mkdocs\.org)', page.read_text(encoding="utf-8")), page
+
+    page = (tmp_path / "site" / "effects" / "cogging.html").read_text(encoding="utf-8")
+    assert page.count('<figure class="signature"') == 1 and "<svg" in page
+
+
+@pytest.mark.parametrize("name", ["cogging", "coulomb", "viscous", "torque_saturation", "encoder_eccentricity", "gms"])
+def test_the_picture_of_an_effect_shows_what_a_model_without_it_misses(name, monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    import effect_pictures
+
+    p, motion = effect_pictures.PICTURES[name], effect_pictures.MOTION
+    here = motion.parts[p.part]
+    x, y = motion.quantities[p.over][0][here], motion.missed(p)[0][here]
+    e = p.effect
+    moving = np.abs(motion.velocity[here]) > 1e-3
+    if name == "cogging":
+        assert np.ptp(y) == pytest.approx(2 * e.amplitude[0], rel=0.01)
+        assert len(np.flatnonzero(np.diff(np.sign(y[: len(y) // 2])))) == 2 * e.harmonics[0]
+    elif name in ("coulomb", "viscous"):
+        level = e.coulomb * np.sign(x) if name == "coulomb" else e.coefficient * x
+        np.testing.assert_allclose(y[moving], level[moving], rtol=0.02, atol=1e-5)
+    elif name == "torque_saturation":
+        np.testing.assert_allclose(y, x - np.clip(x, -e.limit, e.limit), atol=1e-12)
+    elif name == "encoder_eccentricity":
+        assert np.max(np.abs(y)) == pytest.approx(e.amplitude, rel=0.01)
+    else:  # a loop: more friction the farther it went, and never more than the static level
+        assert 0.8 * e.coulomb < np.max(np.abs(y)) <= e.static
+
+
+def test_most_effects_have_a_picture(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    import effect_pictures
+
+    from gms_mujoco.effects import CATALOGUE
+
+    drawn = [name for name, e in CATALOGUE.items() if "<svg" in effect_pictures.picture(e)]
+    assert len(drawn) >= 21
+    for p in effect_pictures.PICTURES.values():
+        y = effect_pictures.MOTION.missed(p)[0]
+        assert np.isfinite(y).all() and np.ptp(y) + abs(y).max() > 0
