@@ -42,6 +42,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     is_native: ClassVar[bool] = False  # evaluated by the native library
     modulates: ClassVar[bool] = False  # scales the level of the joint's friction laws
+    separable: ClassVar[bool] = False  # its elements do not know of each other, and the native library tells them apart
 
     elements: int
     values: Mapping[str, Value]
@@ -103,6 +104,16 @@ class Effect:
     def packed(self) -> NDArray[np.float64]:
         """All parameters in the order of the table, as the native library takes them."""
         return np.concatenate([np.atleast_1d(np.asarray(v, float)) for v in self.values.values()])
+
+    def index(self, parameter: str) -> slice:
+        """Where the values of a parameter stand in `packed`."""
+        at = 0
+        for p in self.parameters:
+            size = self.elements if p.per_element else 1
+            if p.name == parameter:
+                return slice(at, at + size)
+            at += size
+        raise ModelError(f"{self.name} has no parameter {parameter!r}")
 
     @property
     def hidden_inertia(self) -> float:

@@ -109,18 +109,19 @@ def fit_observations(
 def rough_fit(
     plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), progress: Progress | None = None
 ) -> tuple[Misfit, Array]:
-    """The best of several starts after a few steps each, with states before the records that are only guessed."""
+    """The best of several starts after a few steps each, with torques straight from sample to sample and states
+    before the records that are only guessed."""
     report = progress or (lambda done, message: None)
     best: tuple[float, Plant] | None = None
     some = _fewer(observations)
     candidates = starts(plant, some)
     for i, start in enumerate(candidates):
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
-        misfit = Misfit(start, some, fixed, memory=False)
-        x = solve(misfit, misfit.vector(start), max_steps=10)
+        misfit = Misfit(start, some, fixed, coarse=True)
+        x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=np.arange(misfit.n_common))
         cost = misfit.cost(x)
         if best is None or cost < best[0]:
-            best = cost, misfit.coordinates.decode(x)
+            best = cost, misfit.coordinates.decode(x[: misfit.coordinates.size])
     assert best is not None
     misfit = Misfit(best[1], observations, fixed)
     return misfit, nudge(misfit, misfit.vector(best[1]))

@@ -214,6 +214,14 @@ class FrfObservation:
     def grid(self, plant: Plant, memory: Array | None = None) -> None:
         """None: a motion in closed form has no samples."""
 
+    @property
+    def samples(self) -> None:
+        """None."""
+
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, None]:
+        """What `needed` says."""
+        return self.needed(plant), None
+
     def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(2 n,) rows of the torque of the effects along the motion."""
         return self._rows(self.effects_torque(plant))

@@ -29,6 +29,10 @@ class Path:
         """(N,) torque at the instants [N m]."""
         return joint.replay(self.time, self.position, self.velocity, self.load, self.temperature, memory).torque
 
+    def elements(self, joint: native.Joint, effect: int, memory: Array | None = None) -> Array:
+        """(N, elements) torque of each element of one effect at the instants [N m]."""
+        return joint.elements(effect, self.time, self.position, self.velocity, self.load, self.temperature, memory)
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -86,5 +90,5 @@ class Grid:
         return sparse.csr_matrix((weights, (rows, columns)), shape=(n + 1, last + 1))
 
     def mean(self, torque: Array) -> Array:
-        """(n,) what `native.Joint.mean` says of a torque (N,) that runs straight between the instants."""
+        """(n, ...) what `native.Joint.mean` says of torques (N, ...) that run straight between the instants."""
         return np.asarray(self._weights @ torque)

@@ -22,7 +22,7 @@ from scipy import interpolate, ndimage, optimize, signal
 
 from . import native
 from .effect import Effect
-from .grid import Grid
+from .grid import Grid, Path
 from .plant import Plant
 from .record import Record
 
@@ -195,10 +195,10 @@ class Observation:
         return {}
 
     def band(self, x: Array) -> Array:
-        """(m,) band-limited values of a series of samples (n,)."""
+        """(..., m) band-limited values of series of samples (..., n)."""
         half, first = self._half, int(self.index[0])
-        full = signal.upfirdn(self._kernel, x[first - half : int(self.index[-1]) + half + 1], 1, self.stride)
-        return full[2 * half // self.stride :][: len(self.index)]
+        full = signal.upfirdn(self._kernel, x[..., first - half : int(self.index[-1]) + half + 1], 1, self.stride)
+        return np.asarray(full[..., 2 * half // self.stride :][..., : len(self.index)])
 
     @cached_property
     def position(self) -> Array:
@@ -295,14 +295,32 @@ class Observation:
             memory: state before the first sample, see `native.Joint.replay`.
             grid: the instants to look at; None: those that this plant needs.
         """
-        r, seen, joint = self.record, self.seen_by(plant), plant.joint()
+        joint = plant.joint()
         if grid is None:
-            return self.band(seen._mean(joint, memory)[0]) - self.rigid
-        return self.band(grid.mean(grid.path(r, seen.position, seen.velocity).torque(joint, memory))) - self.rigid
+            return self.band(self.seen_by(plant)._mean(joint, memory)[0]) - self.rigid
+        return self.band(grid.mean(self._path(plant, grid).torque(joint, memory))) - self.rigid
+
+    def elements(self, plant: Plant, joint: native.Joint, effect: int, memory: Array | None, grid: Grid) -> Array:
+        """(elements, m) band-limited torque of each element of an effect of `joint`, on the motion that `plant` sees.
+
+        Args:
+            effect: its number in the joint; others as for `replay`.
+        """
+        torque = self._path(plant, grid).elements(joint, effect, memory)
+        return self.band(np.ascontiguousarray(grid.mean(torque).T))
+
+    def _path(self, plant: Plant, grid: Grid) -> Path:
+        seen = self.seen_by(plant)
+        return grid.path(self.record, seen.position, seen.velocity)
 
     def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> Grid:
         """The instants that the torque of this plant needs, or with `finer` for so much less of an error."""
         return Grid(self.seen_by(plant)._mean(plant.joint(), memory, finer)[1])
+
+    @cached_property
+    def samples(self) -> Grid:
+        """The samples alone: for a look that need not be exact."""
+        return Grid(np.arange(len(self.record), dtype=float))
 
     def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
         r = self.record
@@ -317,3 +335,9 @@ class Observation:
     def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""
         return plant.driven_inertia * self.seen_by(plant).acceleration - self.replay(plant, memory, grid)
+
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, Grid]:
+        """What `needed` says, and the instants that it took."""
+        mean, instants = self.seen_by(plant)._mean(plant.joint(), memory)
+        replayed = self.band(mean) - self.rigid
+        return plant.driven_inertia * self.seen_by(plant).acceleration - replayed, Grid(instants)

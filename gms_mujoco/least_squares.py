@@ -10,6 +10,8 @@ from .tall import gram
 
 Array = NDArray[np.float64]
 
+_WORTH = 0.03  # of the tolerance: a step that promises less is not tried
+
 
 def solve(
     misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4, columns: NDArray[np.intp] | None = None
@@ -33,7 +35,7 @@ def solve(
     cost, damping = squared(r), 1e-3
     stalled = 0
     for _ in range(max_steps if len(columns) else 0):
-        jacobian = misfit.jacobian(x, r, columns)[:, columns]
+        jacobian = misfit.jacobian(x, columns)[:, columns]
         gradient, hessian = gram(jacobian, r), gram(jacobian, jacobian)
         push = np.zeros(misfit.size)
         push[columns] = gradient
@@ -43,9 +45,11 @@ def solve(
         moving = columns[free]
         scale = np.sqrt(np.diag(hessian)[free])
         normal = hessian[np.ix_(free, free)] / np.outer(scale, scale)
-        before = cost
+        before, growth = cost, 4.0
         for _ in range(12):
             step = np.linalg.solve(normal + damping * np.eye(len(free)), gradient[free] / scale) / scale
+            if float(gradient[free] @ step) < _WORTH * tolerance * cost:
+                break
             trial = x.copy()
             trial[moving] = np.clip(x[moving] - np.clip(step, -3, 3), lower[moving], upper[moving])
             r_trial = misfit.residual(trial)
@@ -53,7 +57,7 @@ def solve(
             if cost_trial < cost:
                 x, r, cost, damping = trial, r_trial, cost_trial, max(damping / 5, 1e-9)
                 break
-            damping *= 4
+            damping, growth = damping * growth, 2 * growth
         stalled = stalled + 1 if before - cost <= tolerance * before else 0
         if stalled == 2 or cost == before:
             break

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from .coordinates import Coordinates
 from .frf_observation import Seen
 from .grid import Grid
+from .inverse import Observation
+from .native import Joint
 from .plant import Plant
 from .scales import Scales
 from .starts import visible_limits
@@ -33,12 +36,27 @@ class Misfit:
     keeps to better than a fraction of a sample (held at zero where a delay is identified, which contains it); then for
     each observation the state of the effects before its first sample: nobody measured where the elements stood when
     the recording began.
+
+    Args:
+        template: which effects there are, and what a fit leaves as it is.
+        observations: to explain.
+        fixed: see `Coordinates`.
+        memory: whether the states before the records are unknowns; else nothing has ever moved.
+        coarse: torques run straight from sample to sample, for a first look at half the price.
     """
 
     def __init__(
-        self, template: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), memory: bool = True
+        self,
+        template: Plant,
+        observations: Sequence[Seen],
+        fixed: Collection[str] = (),
+        memory: bool = True,
+        coarse: bool = False,
     ) -> None:
         self.coordinates = Coordinates(template, fixed)
+        self.coarse = coarse
+        self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
+        self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
         self.observations = tuple(observations)
         self.n_memory = template.joint().n_memory if memory else 0
         # Where the states before each observation begin and end; a frequency response has none.
@@ -125,54 +143,184 @@ class Misfit:
                         memory[k] = kept
         return x
 
-    def _one(self, plant: Plant, i: int, x: Array, grid: Grid | None = None) -> Array:
-        o = self.observations[i]
-        return o.applied(plant, self.skew(x)) - o.needed(plant, self.memory(x, i), grid)
-
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
-        plant = self.coordinates.decode(x[: self.coordinates.size])
-        return np.concatenate([self._one(plant, i, x) for i in range(len(self.observations))])
+        plant, skew = self._plant(x), self.skew(x)
+        parts: list[Array] = []
+        grids: list[Grid | None] = []
+        for i, o in enumerate(self.observations):
+            memory, grid = self.memory(x, i), o.samples
+            if self.coarse:
+                needed = o.needed(plant, memory, grid)
+            else:
+                needed, grid = o.look(plant, memory)
+            parts.append(o.applied(plant, skew) - needed)
+            grids.append(grid)
+        self._looked, self._before = (x.copy(), grids), {}
+        return np.concatenate(parts)
 
     def cost(self, x: Array) -> float:
         """Squared residual [N^2 m^2]."""
         return squared(self.residual(x))
 
-    def jacobian(self, x: Array, base: Array | None = None, columns: NDArray[np.intp] | None = None) -> Array:
-        """(m, size) derivative of the residual, by forward differences; other `columns` than those asked for are 0."""
-        n = self.coordinates.size
-        base = self.residual(x) if base is None else base
-        parts = np.split(base, self.splits)
-        starts = np.append(0, self.splits)
-        out = np.zeros((len(base), self.size))
+    def _plant(self, x: Array) -> Plant:
+        return self.coordinates.decode(x[: self.coordinates.size])
+
+    def _grids(self, x: Array) -> list[Grid | None]:
+        """The instants at which the torques of each observation are taken at `x`."""
+        if not np.array_equal(self._looked[0], x):
+            self.residual(x)
+        return self._looked[1]
+
+    def change(self, x: Array, there: Plant, name: str) -> Array:
+        """(m,) change of the residual where one effect of the plant at `x` is changed or added.
+
+        Args:
+            there: the plant with that effect changed or added, everything else as at `x`.
+            name: of the effect.
+        """
+        here, grids, whole = self._plant(x), self._grids(x), there.part(name) is there
+        drives = any(e.name == name for e in there.drive)
+        if name not in here and not whole:  # what is new may jump at other instants
+            grids = [None] * len(grids)
+        key = name if name in here else "", whole, drives
+        if key not in self._before:
+            self._before[key] = [self._piece(i, here, name, x, g, whole, drives) for i, g in enumerate(grids)]
+        after = [self._piece(i, there, name, x, g, whole, drives) for i, g in enumerate(grids)]
+        return np.concatenate(after) - np.concatenate(self._before[key])
+
+    def _piece(
+        self, i: int, plant: Plant, name: str, x: Array, grid: Grid | None, whole: bool = False, drives: bool = False
+    ) -> Array:
+        """(m,) what of the residual of observation i an effect has a hand in; "" for the inertia.
+
+        Torques of effects add: what a change does can be seen where it acts alone.
+
+        Args:
+            whole: it acts on all others.
+            drives: it acts on the torque applied.
+        """
+        o, part = self.observations[i], plant if whole else plant.part(name)
+        needed = o.needed(part, self._memory_of(part, x, i), grid)
+        return o.applied(plant, self.skew(x)) - needed if drives else -needed
+
+    def _memory_of(self, part: Plant, x: Array, i: int) -> Array | None:
+        """State of some effects before observation i; one that the template lacks has never moved."""
+        known, places = self.memory(x, i), self.coordinates.template.memory_places
+        if known is None:
+            return None
+        own = [known[places[n]] if n in places else np.zeros(s.stop - s.start) for n, s in part.memory_places.items()]
+        return np.concatenate([*own, np.empty(0)])
+
+    def jacobian(self, x: Array, columns: NDArray[np.intp] | None = None) -> Array:
+        """(m, size) derivative of the residual, by differences; other `columns` than those asked for are 0."""
+        wanted = np.full(self.size, columns is None)
+        if columns is not None:
+            wanted[columns] = True
+        n, lengths = self.coordinates.size, [len(o.index) for o in self.observations]
+        out = np.zeros((sum(lengths), self.size))
         scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
+        steps = _STEP * np.concatenate([scale, np.ones(self.size - n)])
+        steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
         lower, upper = self.bounds
-        plant = self.coordinates.decode(x[:n])
-        grids = [o.grid(plant, self.memory(x, i)) for i, o in enumerate(self.observations)]
+        steps = np.where(x + steps <= upper, steps, -steps)
+        both = (np.arange(self.size) < n) & (x - steps >= lower) & (x - steps <= upper)  # may be looked at both ways
+        plants: dict[tuple[int, float], Plant] = {}
 
-        def difference(column: int, step: float, i: int) -> Array:
-            moved = x.copy()
-            moved[column] += step
-            there = self.coordinates.decode(moved[:n]) if column < n else plant
-            return (self._one(there, i, moved, grids[i]) - parts[i]) / (moved[column] - x[column])
+        def moved(column: int, step: float) -> tuple[Array, Plant]:
+            there = x.copy()
+            there[column] += step
+            if (column, step) not in plants:
+                plants[column, step] = self._plant(there) if column < n else here
+            return there, plants[column, step]
 
-        for column in range(self.size) if columns is None else columns:
-            common = column < self.n_common
-            step = _STEP * (scale[column] if column < n else self._shortest if common else 1.0)
-            step = step if x[column] + step <= upper[column] else -step
-            # A state before the first sample concerns one observation; a parameter concerns all.
-            for i in range(len(parts)) if common else [self._owner(column - self.n_common)]:
-                slope = difference(column, step, i)
-                # Now and then an element just slips or just does not, and takes another way from there. Such a jump is
-                # on one side only.
-                within = lower[column] <= x[column] - step <= upper[column]
-                if column < n and within and np.abs(slope).max() > _SPIKE * np.sqrt(np.mean(slope**2)):
-                    slope = _lesser(slope, difference(column, -step, i))
-                out[starts[i] : starts[i] + len(parts[i]), column] = slope
+        here, owners = self._plant(x), self._owners
+        for i, (rows, grid) in enumerate(zip(np.split(out, self.splits), self._grids(x), strict=True)):
+            o, done = self.observations[i], ~wanted
+            for effect in here.effects:
+                if effect.separable and grid is not None:
+                    self._elements(i, effect.name, here, x, grid, steps, rows, done)
+            begin, end = (self.n_common + k for k in self._states[i])
+            base: dict[str, Array] = {}
+            for column in np.flatnonzero(~done):
+                if self.n_common <= column and not begin <= column < end:
+                    continue  # the state before another observation
+                if n <= column < self.n_common:
+                    late = o.applied(here, self.skew(x) + steps[column])
+                    rows[:, column] = (late - o.applied(here, self.skew(x))) / steps[column]
+                    continue
+                name = owners[column if column < n else n + column - begin]
+                drives = any(e.name == name for e in here.drive)
+                if name not in base:
+                    base[name] = self._piece(i, here, name, x, grid, drives=drives)
+
+                def slope(step: float, column: int = int(column), name: str = name, drives: bool = drives) -> Array:
+                    there, plant = moved(column, step)
+                    after = self._piece(i, plant, name, there, grid, drives=drives)  # noqa: B023
+                    return (after - base[name]) / (there[column] - x[column])  # noqa: B023
+
+                rows[:, column] = _without_jumps(slope, steps[column], bool(both[column]))
+        out[:, ~wanted] = 0
         return out
 
-    def _owner(self, state: int) -> int:
-        return next(i for i, (begin, end) in enumerate(self._states) if begin <= state < end)
+    @cached_property
+    def _owners(self) -> list[str]:
+        """Name of the effect of each coordinate, then of each state before a record."""
+        blocks = [b.effect for b in self.coordinates.blocks for _ in range(b.size)]
+        places = self.coordinates.template.memory_places
+        return blocks + [name for name, s in places.items() for _ in range(s.stop - s.start)]
+
+    def _elements(
+        self, i: int, name: str, plant: Plant, x: Array, grid: Grid, steps: Array, rows: Array, done: NDArray[np.bool_]
+    ) -> None:
+        """Fills in the columns of what belongs to one element of a separable effect, all elements at a time.
+
+        Args:
+            rows: (m_i, size) derivatives of observation i.
+            done: which columns need no more work.
+        """
+        o, part = self.observations[i], plant.part(name)
+        assert isinstance(o, Observation)
+        memory = self._memory_of(part, x, i)
+        native = [e for e in part.effects if e.is_native]
+        number = [e.name for e in native].index(name)
+
+        def torque(factor: Array | float = 1.0, memory: Array | None = memory) -> Array:
+            joint = Joint([(e.name, e.elements, e.packed * (factor if e.name == name else 1.0)) for e in native])
+            return o.elements(part, joint, number, memory, grid)
+
+        base: Array | None = None
+        effect, at = plant[name], 0
+        for b in self.coordinates.blocks:
+            own = slice(at, at + b.size)
+            at += b.size
+            if b.effect != name or not b.parameter.per_element or b.scale not in ("log", "share") or done[own].all():
+                continue
+            base = torque() if base is None else base
+            index = effect.index(b.parameter.name)
+
+            def slope(step: float, index: slice = index, base: Array = base) -> Array:
+                factor = np.ones(len(effect.packed))
+                factor[index] = math.exp(step)
+                return (torque(factor) - base) / step
+
+            found = _without_jumps(slope, _STEP, True)
+            if b.scale == "share":  # log-ratios to the last share
+                share = effect.packed[index]
+                found = (found - share[:, None] * found.sum(0))[:-1]
+            rows[:, own] = found.T
+            done[own] = True
+        begin, end = (self.n_common + k for k in self._states[i])
+        if end > begin:
+            assert memory is not None
+            place = self.coordinates.template.memory_places[name]
+            states = slice(begin + place.start, begin + place.stop)
+            if not done[states].all():
+                base = torque() if base is None else base
+                there, place = memory.copy(), part.memory_places[name]
+                there[place] += steps[states]
+                rows[:, states] = ((torque(memory=there) - base) / (there[place] - memory[place])[:, None]).T
+                done[states] = True
 
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""
@@ -198,10 +346,23 @@ class Misfit:
 
 
 def squared(r: Array) -> float:
-    """r @ r."""
-    return float(r @ r)
+    """r @ r, without the threads of a BLAS, which cost more than they bring at this size."""
+    return float(np.einsum("i,i", r, r))
 
 
 def _lesser(a: Array, b: Array) -> Array:
     """The one nearer to zero, zero where their signs differ."""
     return np.where(a * b > 0, np.where(np.abs(a) < np.abs(b), a, b), 0.0)
+
+
+def _without_jumps(slope: Callable[[float], Array], step: float, both: bool) -> Array:
+    """A derivative (..., m) by a difference over `step`, without what an element does that just slips or just does not.
+
+    Now and then one takes another way from there. Such a jump is on one side only: where there is one, and the other
+    side may be looked at (`both`), the lesser of the two slopes counts.
+    """
+    found = slope(step)
+    jumps = np.abs(found).max(-1) > _SPIKE * np.sqrt(np.mean(found**2, -1))
+    if both and jumps.any():
+        found = np.where(jumps[..., None], _lesser(found, slope(-step)), found)
+    return found

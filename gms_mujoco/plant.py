@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +86,17 @@ class Plant:
         _ = self[name]
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
+    def part(self, name: str) -> Plant:
+        """The effect of that name with those that act on it, which modulate friction or change the reading.
+
+        Torques of effects add: what a change of the effect does to the torque that is needed can be seen on this part
+        alone. Itself for an effect that acts on others. Of a name that is not there, what acts on every effect.
+        """
+        if name in self and (self[name].modulates or self[name].kind == "sensor"):
+            return self
+        kept = tuple(e for e in self.effects if e.name == name or e.modulates or e.kind == "sensor")
+        return replace(self, effects=kept)
+
     @property
     def driven_inertia(self) -> float:
         """Inertia that moves with the joint [kg m^2]: the axis's less what its effects put behind a coupling."""
@@ -151,6 +164,14 @@ class Plant:
     def joint(self) -> native.Joint:
         """The native effects of this plant, ready to be replayed."""
         return native.Joint([(e.name, e.elements, e.packed) for e in self.effects if e.is_native])
+
+    @cached_property
+    def memory_places(self) -> dict[str, slice]:
+        """Where the state of each native effect before the first sample stands among the unknowns of the joint."""
+        sizes = [native.Joint([(e.name, e.elements, e.packed)]).n_memory for e in self.effects if e.is_native]
+        ends = itertools.accumulate(sizes, initial=0)
+        names = [e.name for e in self.effects if e.is_native]
+        return {n: slice(a, b) for n, (a, b) in zip(names, itertools.pairwise(ends), strict=True)}
 
     def attach(self, spec: mujoco.MjSpec, joint: str | Iterable[str]) -> None:
         """Puts the effects of this plant on joints of a MuJoCo model; see `gms_mujoco.attach`."""

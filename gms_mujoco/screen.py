@@ -23,7 +23,7 @@ from .effect import Effect
 from .frf_observation import FrfObservation, Seen
 from .intervals import block_sums
 from .inverse import Observation
-from .misfit import Misfit
+from .misfit import Misfit, squared
 from .parameter import Parameter
 from .plant import Plant
 from .scales import Scales
@@ -166,15 +166,12 @@ class Screen:
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
-        return float(2 * fitted @ self.model.target - fitted @ fitted)
+        return squared(self.model.target) - squared(self.model.target - fitted)
 
     def _change(self, effect: Effect) -> Array:
         """(m,) what adding the effect does to the residual while everything else stays."""
-        plant = joined(self.plant, effect)
-        moved = Misfit(plant, self.misfit.observations)
-        memories = self.misfit.memories(self.vector, moved.n_memory)
-        at = moved.vector(plant, memories, self.misfit.skew(self.vector))
-        return (moved.residual(at) - self.residual) * self.model.determined
+        change = self.misfit.change(self.vector, joined(self.plant, effect), effect.name)
+        return change * self.model.determined
 
     def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
         """(m, k) derivatives of the residual, and which strength and phase each belongs to."""
@@ -340,7 +337,7 @@ class LinearModel:
     def __init__(self, misfit: Misfit, vector: Array, residual: Array) -> None:
         self.observations = misfit.observations
         self.determined = determined(misfit)
-        tangents = misfit.jacobian(vector, residual) * self.determined[:, None]
+        tangents = misfit.jacobian(vector) * self.determined[:, None]
         self.residual = residual = residual * self.determined
         reach = misfit.reach(vector)
         held = misfit.held(vector, gram(tangents, residual))

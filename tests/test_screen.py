@@ -123,7 +123,7 @@ def test_what_the_plant_can_do_is_projected_out() -> None:
     found = fit(plant, runs(plant))
     residual = found.misfit.residual(found.vector)
     model = LinearModel(found.misfit, found.vector, residual)
-    own = found.misfit.jacobian(found.vector, residual)
+    own = found.misfit.jacobian(found.vector)
     other = np.random.default_rng(0).normal(size=(len(residual), 1))
     kept = model.without(np.column_stack([own, other]))
     left = np.sqrt((kept**2).sum(0)) / np.sqrt((np.column_stack([own, other]) ** 2).sum(0))

@@ -37,6 +37,7 @@ def _catalogue() -> dict[str, type[Effect]]:
                 "parameters": d.parameters,
                 "is_native": True,
                 "modulates": d.modulates,
+                "separable": d.separable,
             },
         )
     return dict(sorted(found.items()))

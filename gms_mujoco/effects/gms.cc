@@ -69,6 +69,8 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   return -direction * total;
 }
 
+double element(const double* state, int i) { return -state[2 * i + kForce]; }
+
 }  // namespace
 
 extern const gms::Effect gms_effect_gms;
@@ -95,4 +97,5 @@ const gms::Effect gms_effect_gms = {
     recall,
     nullptr,
     torque,
+    element,
 };

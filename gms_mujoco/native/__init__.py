@@ -56,6 +56,7 @@ class _Effect(ctypes.Structure):
         ("recall", ctypes.c_void_p),
         ("modulate", ctypes.c_void_p),
         ("torque", ctypes.c_void_p),
+        ("element", ctypes.c_void_p),
     )
 
 
@@ -76,6 +77,7 @@ def _load() -> ctypes.CDLL:
         ("gms_joint_n_state", integer, (pointer,)),
         ("gms_joint_n_memory", integer, (pointer,)),
         ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
+        ("gms_joint_elements", None, (pointer, integer, integer) + (pointer,) * 7),
         ("gms_joint_cycle", integer, (pointer, integer, integer) + (pointer,) * 4),
         ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),
         (
@@ -108,6 +110,7 @@ class Declaration:
     experiment: str
     parameters: tuple[Parameter, ...]
     modulates: bool
+    separable: bool  # its elements do not know of each other
 
 
 def _declaration(index: int) -> Declaration:
@@ -121,7 +124,7 @@ def _declaration(index: int) -> Declaration:
         if p.name
     )
     texts = {k: getattr(e, k).decode() for k in ("name", "class_name", "kind", "doc", "signature", "experiment")}
-    return Declaration(index, **texts, parameters=parameters, modulates=bool(e.modulate))
+    return Declaration(index, **texts, parameters=parameters, modulates=bool(e.modulate), separable=bool(e.element))
 
 
 DECLARATIONS = tuple(_declaration(i) for i in range(library.gms_n_effects()))
@@ -198,6 +201,7 @@ class Joint:
     def __init__(self, effects: Sequence[tuple[str, int, Array]]) -> None:
         self._handle = library.gms_joint_new()
         self.n_effects = len(effects)
+        self._counts = [n for _, n, _ in effects]
         for name, n, packed in effects:
             p = np.ascontiguousarray(packed, float)
             if library.gms_joint_add(self._handle, _INDEX[name], n, _address(p)):
@@ -251,6 +255,30 @@ class Joint:
             if given is not None and np.shape(given) != shape:
                 raise ModelError(f"{name} has shape {np.shape(given)}, expected {shape}")
         return n, inputs
+
+    def elements(
+        self,
+        effect: int,
+        time: Array,
+        position: Array,
+        velocity: Array,
+        load: Array | None = None,
+        temperature: Array | None = None,
+        memory: Array | None = None,
+    ) -> Array:
+        """Torque of each element of a separable effect along a given motion.
+
+        Args:
+            effect: its number among the effects of the joint.
+            time, position, velocity, load, temperature, memory: as for `replay`.
+
+        Returns:
+            (n, elements) [N m].
+        """
+        n, inputs = self._motion(time, position, velocity, load, temperature, memory)
+        torque = np.empty((n, self._counts[effect]))
+        library.gms_joint_elements(self._handle, effect, n, *map(_address, inputs), _address(torque))
+        return torque
 
     def cycle(self, period: Array, position: Array, velocity: Array) -> Array:
         """Torque along periodic motions, in the steady state [N m].

@@ -76,6 +76,10 @@ struct Effect {
   // velocity: so it learns at the first sample what it sets out with. Null: no torque of its own.
   double (*torque)(const double* p, int n, const Motion& motion, const Level& level,
                    const double* state, double* next);
+
+  // Torque of element i, from the state that `torque` has written. Only where no element knows of the others, each has
+  // one unknown of memory, and their torques add up to that of the effect; else null.
+  double (*element)(const double* state, int i) = nullptr;
 };
 
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per

@@ -50,6 +50,25 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
   }
 }
 
+// Torque of each element of effect number `use` of the joint, n x elements; other arguments as for gms_joint_replay.
+GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double* time, const double* position,
+                                const double* velocity, const double* load, const double* temperature,
+                                const double* memory, double* torque) {
+  std::vector<double> state(joint->n_state()), next(joint->n_state());
+  if (memory) {
+    joint->recall(memory, state.data());
+  } else {
+    joint->reset(state.data());
+  }
+  const Joint::Use& e = joint->uses()[use];
+  for (int k = 0; k < n; k++) {
+    joint->torque({time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : 0},
+                  state.data(), next.data());
+    state.swap(next);
+    for (int i = 0; i < e.n; i++) *torque++ = e.effect->element(state.data() + e.state, i);
+  }
+}
+
 namespace {
 
 // Mean torque between two samples, the motion in between being the cubic of their positions and velocities and the

@@ -1,0 +1,87 @@
+"""Misfit: derivatives that are looked at where a change acts alone are those of the whole residual."""
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, J, rms, runs
+
+from gms_mujoco import effects
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
+
+MANY = (
+    Plant(J, HEALTHY.effects, inertia_known=False)
+    + effects.find("cogging")(harmonics=[6, 9], amplitude=[0.1 * LEVEL, 0.05 * LEVEL], phase=[0.4, 1.0])
+    + effects.find("asymmetric_friction")(level=0.1)
+    + effects.find("flexible_coupling")(inertia=0.1 * J, frequency=60.0, damping=0.1)
+    + effects.find("delay")(time=1e-3)
+    + effects.find("encoder_eccentricity")(amplitude=1e-3, phase=0.3)
+)
+
+
+@pytest.fixture(scope="module")
+def problem() -> tuple[Misfit, np.ndarray, np.ndarray]:
+    misfit = Misfit(MANY, observe(runs(HEALTHY, seconds=1.5), J))
+    x = misfit.vector(MANY)
+    x[misfit.n_common :] = np.linspace(-0.8, 0.8, misfit.size - misfit.n_common)
+    return misfit, x, misfit.jacobian(x)
+
+
+def _on_one_grid(misfit: Misfit, x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The residual at `at`, all effects together, at the instants that `x` asks for."""
+    plant, here = (misfit.coordinates.decode(v[: misfit.coordinates.size]) for v in (at, x))
+    parts = []
+    for i, o in enumerate(misfit.observations):
+        grid = o.grid(here, misfit.memory(x, i))
+        parts.append(o.applied(plant, misfit.skew(at)) - o.needed(plant, misfit.memory(at, i), grid))
+    return np.concatenate(parts)
+
+
+def test_derivatives_are_those_of_the_whole_residual(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    misfit, x, jacobian = problem
+    labels = [*misfit.coordinates.labels, *["skew"] * misfit.n_skew]
+    labels += ["state"] * (misfit.size - len(labels))
+    for column, label in enumerate(labels):
+        linear = label in misfit.coordinates.labels and misfit.coordinates.is_linear[column]
+        step = 1e-6 if label == "skew" else 1e-3 * (abs(x[column]) or 1e-3 * LEVEL if linear else 1.0)
+        there = x.copy()
+        there[column] += step
+        slope = (_on_one_grid(misfit, x, there) - _on_one_grid(misfit, x, x)) / step
+        # Where an element just slips or just does not its torque jumps, and the derivative keeps out of that.
+        assert np.quantile(np.abs(jacobian[:, column] - slope), 0.9) <= 0.02 * rms(slope), label
+
+
+def test_only_the_columns_asked_for_are_made(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    misfit, x, jacobian = problem
+    some = np.array([0, 3, misfit.n_common, misfit.size - 1])
+    made = misfit.jacobian(x, some)
+    np.testing.assert_array_equal(made[:, some], jacobian[:, some])
+    assert not np.delete(made, some, 1).any()
+
+
+@pytest.mark.parametrize("name", ["spring", "asymmetric_friction", "delay", "encoder_eccentricity", "backlash"])
+def test_the_change_by_an_added_effect_is_that_of_the_whole(name: str) -> None:
+    values = {
+        "spring": {"stiffness": 0.1 * LEVEL}, "asymmetric_friction": {"level": 0.2}, "delay": {"time": 1e-3},
+        "encoder_eccentricity": {"amplitude": 1e-3, "phase": 0.5},
+        "backlash": {"inertia": 0.2 * J, "gap": 4e-3, "frequency": 80.0, "damping": 1.0},
+    }  # fmt: skip
+    misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.5), J))
+    x = misfit.vector(HEALTHY)
+    there = HEALTHY + effects.find(name)(**values[name])
+    moved = Misfit(there, misfit.observations)
+    whole = moved.residual(moved.vector(there)) - misfit.residual(x)
+    assert rms(misfit.change(x, there, name) - whole) < 0.02 * rms(whole)
+
+
+@pytest.mark.parametrize("effect", [e for e in effects.CATALOGUE.values() if e.separable], ids=lambda e: e.name)
+def test_the_elements_of_a_separable_effect_add_up_to_it(effect: type) -> None:
+    joint = (Plant.axis(J) + HEALTHY[effect.name]).joint()
+    o = observe(runs(HEALTHY, seconds=1.0), J)[1]
+    motion = o.record.time, o.position, o.velocity
+    memory = np.linspace(-1, 1, joint.n_memory)
+    parts, torque = joint.elements(0, *motion, memory=memory), joint.replay(*motion, memory=memory).torque
+    assert parts.shape == (len(torque), HEALTHY[effect.name].elements)
+    np.testing.assert_allclose(parts.sum(1), torque, atol=1e-12 * LEVEL)
+    other = joint.elements(0, *motion, memory=np.append(memory[0], -memory[1:]))
+    np.testing.assert_array_equal(other[:, 0], parts[:, 0])  # none knows of the others
