@@ -35,8 +35,9 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   // Stribeck curve, which is dear.
   int i = 0;
   for (; i < n; i++) {
+    if (state[2 * i + kSlip] == direction) break;
     const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
-    if (state[2 * i + kSlip] == direction || !(force <= fraction[i] * least && force >= -fraction[i] * most)) break;
+    if (!(force <= fraction[i] * least && force >= -fraction[i] * most)) break;
     next[2 * i + kForce] = direction * force;
     next[2 * i + kSlip] = 0;
     total += force;

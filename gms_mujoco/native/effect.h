@@ -92,9 +92,12 @@ inline double sign(double x) { return (x > 0) - (x < 0); }
 
 struct PowersOfHalf {
   static constexpr int kParts = 64;
-  double value[kParts];
+  long long bits[kParts];
   PowersOfHalf() {
-    for (int i = 0; i < kParts; i++) value[i] = std::exp2(-static_cast<double>(i) / kParts);
+    for (int i = 0; i < kParts; i++) {
+      const double value = std::exp2(-static_cast<double>(i) / kParts);
+      std::memcpy(&bits[i], &value, sizeof value);
+    }
   }
 };
 inline const PowersOfHalf kPowersOfHalf;
@@ -104,13 +107,14 @@ inline double decay(double x) {
   constexpr int n = PowersOfHalf::kParts;
   constexpr double ln2 = 0.6931471805599453;
   if (!(x < 700)) return x != x ? x : 0;
-  const unsigned k = static_cast<unsigned>(static_cast<int>(x * (n / ln2) + 0.5));
-  const double r = static_cast<int>(k) * (ln2 / n) - x, r2 = r * r;  // |r| < 0.0055
+  const int k = static_cast<int>(x * (n / ln2) + 0.5);
+  const double r = k * (ln2 / n) - x, r2 = r * r;  // |r| < 0.0055
   const double e = (1 + r) + r2 * ((0.5 + r * (1.0 / 6)) + r2 * (1.0 / 24 + r * (1.0 / 120)));
-  const long long bits = (1023LL - k / n) << 52;
-  double scale;
-  std::memcpy(&scale, &bits, sizeof scale);
-  return kPowersOfHalf.value[k % n] * scale * e;
+  const long long bits = kPowersOfHalf.bits[k & (n - 1)] - (static_cast<long long>(k >> 6) << 52);
+  static_assert(n == 1 << 6, "a power of two");
+  double power;
+  std::memcpy(&power, &bits, sizeof power);
+  return power * e;
 }
 
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper

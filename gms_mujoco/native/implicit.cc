@@ -2,12 +2,6 @@
 
 #include <algorithm>
 
-#if defined(_MSC_VER)
-#define GMS_RESTRICT __restrict
-#else
-#define GMS_RESTRICT __restrict__
-#endif
-
 namespace gms {
 
 namespace {
@@ -53,7 +47,7 @@ void Implicit::factor(const Tree& tree) {
     const double inverse = 1 / row[last];
     diagonal_[k] = inverse;
     for (int i = last - 1; i >= 0; i--) {
-      double* GMS_RESTRICT above = value + tree.row_start[column[i]];  // never the row itself
+      double* above = value + tree.row_start[column[i]];
       const double ratio = row[i] * inverse;
       for (int j = 0; j <= i; j++) above[j] -= ratio * row[j];
       row[i] = ratio;
@@ -223,7 +217,7 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
     u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
     stiff |= h * u.steepest * u.weight > kStiff;
   }
-  for (int i = 0; damping && i < n; i++) damped |= damping[i] != 0;
+  for (int i = 0; damping && !damped && i < n; i++) damped = damping[i] != 0;
   for (int i = 0; stiff && i < count; i++) {
     Unit& u = units[i];
     u.forward = u.backward = kUnset;
