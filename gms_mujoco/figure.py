@@ -101,7 +101,7 @@ def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 62
         x = left + scale * floor
         body.append(f'<path d="M{x:.1f},2V{height - 20}" stroke="currentColor" stroke-dasharray="4 3"/>')
         body.append(_text(x, height - 5, f"noise floor {100 * floor:.3g} %", "middle" if x > left + 60 else "start"))
-    return f'<div style="max-width:{width}px">{_svg(body, width, height, "errors after each step")}</div>'
+    return f'<div class="bars" style="max-width:{width}px">{_svg(body, width, height, "errors after each step")}</div>'
 
 
 def legend(items: Sequence[tuple[str, str]], band: str = "") -> str:

@@ -49,9 +49,13 @@ svg text { font-size: 12px; fill: currentColor } .grid { stroke: #8884; stroke-w
 .plots { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(420px, 100%), 1fr)); gap: .3rem 1.8rem }
 details { margin: .6rem 0 } summary { cursor: pointer; font-weight: 600; padding: .2rem 0 }
 footer { margin: 2.5rem 0 1rem; font-size: .8rem; opacity: .7 }
-@media (max-width: 600px) { body { padding: .7rem } svg text { font-size: 13px } table { font-size: .85rem } }
+@media (max-width: 600px) {
+  body { padding: .7rem } svg text { font-size: 13px } .bars svg text { font-size: 18px }
+  table { font-size: .85rem } th, td { padding-right: .5rem }
+}
 @media print {
   body { max-width: none; font-size: 10pt; padding: 0 } h2, h3, h4 { break-after: avoid }
+  .legend, h2 + p { break-after: avoid } details:not([open]) { display: none } footer { margin: 1rem 0 0 }
   .plots > div, tr, .verdict { break-inside: avoid } .plots { grid-template-columns: 1fr 1fr }
 }
 """
@@ -114,10 +118,12 @@ def parameters(plant: Plant, title: str) -> str:
 def provenance(plant: Plant) -> str:
     if not plant.provenance:
         return ""
-    rows = [
-        (escape(k.replace("_", " ")), escape(", ".join(map(str, v)) if isinstance(v, list | tuple) else v))
-        for k, v in plant.provenance.items()
-    ]
+    def said(value: Any) -> str:
+        if isinstance(value, list | tuple):
+            return ", ".join(map(said, value))
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    rows = [(escape(k.replace("_", " ")), escape(said(v))) for k, v in plant.provenance.items()]
     return f"<section><h2>Where the numbers come from</h2>{table((), rows)}</section>"
 
 

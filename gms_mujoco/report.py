@@ -109,13 +109,14 @@ def _verdict(facts: dict[str, Any]) -> str:
 
 def _steps(facts: dict[str, Any]) -> str:
     names = step_names(facts)
-    rows = []
+    rows, said = [], ""
     for name, s in zip(names, facts["steps"], strict=True):
         evidence = escape(s.get("evidence") or "")
         if s.get("confusable_with"):
             evidence += f" Could be confused with {escape(', '.join(s['confusable_with']))}."
-        rows.append([escape(name), percent(s.get("fit_error")), percent(s.get("validate_error")), evidence])
-    rows.append(["noise floor", "", percent(facts.get("noise_floor")), ""])
+        rows.append([escape(name), percent(s.get("fit_error")), percent(s.get("validate_error"))])
+        said += f"<p>{evidence[:1].upper()}{evidence[1:]}</p>" if evidence else ""
+    rows.append(["noise floor", "", percent(facts.get("noise_floor"))])
     key, which = "validate_error", "on records that decided nothing"
     if any(s.get(key) is None for s in facts["steps"]):
         key, which = "fit_error", "on the records it was fitted to: none was held out"
@@ -124,7 +125,7 @@ def _steps(facts: dict[str, Any]) -> str:
     )
     return (
         "<section><h2>The falling error</h2><p>Torque that the model does not account for, as a share of the torque's "
-        f"rms, {which}.</p>{picture}{table(('step', 'fit', 'validate', 'evidence'), rows, (1, 2))}</section>"
+        f"rms, {which}.</p>{picture}{table(('step', 'fit', 'validate'), rows, (1, 2))}{said}</section>"
     )
 
 
