@@ -18,9 +18,10 @@ import numpy as np
 
 import gms_mujoco as gms
 from gms_mujoco import demo, effects
+from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 SAMPLES, H = 4000, 1e-3
 

@@ -234,8 +234,9 @@ def _diagnose(options: argparse.Namespace) -> None:
 
 
 def _frf(options: argparse.Namespace) -> None:
-    from .dahl_resonance import find_resonance, identify_dahl
+    from .dahl_resonance import identify_dahl
     from .frf import estimate_frf, join_sines, to_csv
+    from .resonance import find_resonance
 
     output = files.expect_writable(options.output) if options.output else None
     for key in ("period", "segment"):

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .dahl_resonance import Resonance, find_resonance
 from .frf import FRF
 from .frf_observation import FrfObservation
 from .harmonics import SAMPLES, fundamental
 from .plant import Plant
+from .resonance import Resonance, find_resonance
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -33,9 +33,10 @@ from scipy import optimize
 from . import effects
 from .effect import Effect
 from .errors import DataError
-from .frf import FRF
+from .frf import FRF, usable
 from .harmonics import balance, fundamental, motion
 from .plant import Plant, slide_unit
+from .resonance import Resonance, find_resonance
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -44,35 +45,8 @@ _GRID = 60  # break-away distances tried
 _FINEST = 0.3  # of the smallest amplitude: the smallest break-away distance tried
 _MODEL_ERROR = 0.002  # of a describing function, beside that of its correction for harmonics
 _CORRECTION_ERROR = 0.1  # of that correction
-_MASS_LINE = 4.0  # times the resonance: where the mass line begins
 _ROUNDS = 4  # of reweighting
 _CORRECTIONS = 8  # times that the harmonics are computed anew
-_Z = 1.959964
-
-
-@dataclass(frozen=True)
-class Resonance:
-    """The Dahl resonance at one amplitude: where position lags torque by a quarter of a turn.
-
-    Attributes:
-        amplitude: of the position there [rad].
-        frequency: [Hz].
-        dissipation: torque in quadrature per position, J w^2 times the loss factor [N m/rad].
-        name: of the response it was read from.
-    """
-
-    amplitude: float
-    frequency: float
-    dissipation: float
-    name: str = ""
-
-    def stiffness(self, inertia: float) -> float:
-        """J w^2: the in-phase stiffness of friction at this amplitude [N m/rad]."""
-        return inertia * (2 * math.pi * self.frequency) ** 2
-
-    def loss(self, inertia: float) -> float:
-        """Loss factor: twice the damping ratio of a linear axis [1]."""
-        return self.dissipation / self.stiffness(inertia)
 
 
 @dataclass(frozen=True)
@@ -128,86 +102,6 @@ def describing_function(stiffness: Array, breakaway: Array, amplitude: Array) ->
 def virgin_curve(stiffness: Array, breakaway: Array, distance: Array) -> Array:
     """(n,) friction torque [N m] of a relaxed Maxwell-slip set after it was moved one way by `distance` (n,) [rad]."""
     return np.asarray(np.minimum(np.asarray(distance, float)[:, None], breakaway) @ np.asarray(stiffness, float))
-
-
-def secant_curve(resonances: Sequence[Resonance], inertia: float, distance: Array) -> Array:
-    """(n,) virgin curve [N m] from J w^2 read as its secant at each amplitude; for comparison."""
-    x, k = _readings(resonances, inertia)
-    return np.asarray(np.interp(distance, np.append(0, x), np.append(0, k * x)))
-
-
-def slope_curve(resonances: Sequence[Resonance], inertia: float, distance: Array) -> Array:
-    """(n,) virgin curve [N m] from J w^2 read as its slope at each amplitude; for comparison."""
-    x, k = _readings(resonances, inertia)
-    x = np.append(0, x)
-    return np.asarray(np.interp(distance, x, np.append(0, np.cumsum(k * np.diff(x)))))
-
-
-def find_resonance(frf: FRF) -> Resonance | None:
-    """The resonance of a response, None where the phase does not pass through -90 degrees inside the band.
-
-    Of several crossings (noise, or a harmonic far below that meets the resonance) the one counts that best parts the
-    points into a stiffness below and a mass above. Real and imaginary part of 1 / H are followed by straight lines in
-    w^2 over the four nearest points.
-
-    Raises:
-        DataError: the response is not from torque, or its amplitude is unknown.
-    """
-    f = _with_amplitude(frf)
-    inverse = 1 / f.response
-    crossings = np.flatnonzero((inverse.real[:-1] > 0) & (inverse.real[1:] <= 0))
-    if not len(crossings):
-        return None
-    sides = np.cumsum(np.sign(inverse.real))
-    at = int(crossings[np.argmax(2 * sides[crossings] - sides[-1])])
-    near = slice(max(at - 1, 0), at + 3)
-    square = f.omega[near] ** 2
-    slope, level = np.polyfit(square, inverse.real[near], 1)
-    root = -level / slope if slope < 0 else math.nan
-    if not square[0] <= root <= square[-1]:  # too rough for a line through four points: take the two about it
-        a, b = inverse.real[at], inverse.real[at + 1]
-        root = float(f.omega[at] ** 2 + a / (a - b) * (f.omega[at + 1] ** 2 - f.omega[at] ** 2))
-    assert f.amplitude is not None
-    line = np.polyfit(square, inverse.imag[near], 1)
-    size = math.exp(float(np.interp(root, square, np.log(f.amplitude[near]))))
-    return Resonance(size, math.sqrt(root) / (2 * math.pi), max(float(np.polyval(line, root)), 0.0), frf.name)
-
-
-def mass_line(frfs: Sequence[FRF]) -> tuple[float, float]:
-    """Inertia from the -40 dB/decade line: the slope of Re 1 / H against w^2 far above the resonance.
-
-    Each response has a stiffness of its own, which the slope does not see where the position amplitude is held; all
-    share the inertia. At held torque the stiffness grows along the line and `identify_dahl` does better.
-
-    Returns:
-        Inertia and its standard deviation [kg m^2].
-
-    Raises:
-        DataError: fewer than three points of any response lie at four times its resonance or above.
-    """
-    xs, ys = [], []
-    for frf in frfs:
-        f = _with_amplitude(frf)
-        found = find_resonance(f)
-        if found is None:
-            continue
-        high = f.frequency >= _MASS_LINE * found.frequency
-        if high.sum() >= 3:
-            x, y = f.omega[high] ** 2, (1 / f.response[high]).real
-            weight = 1 / x**2  # errors of a response are relative
-            xs.append((x - np.average(x, weights=weight)) * np.sqrt(weight))
-            ys.append((y - np.average(y, weights=weight)) * np.sqrt(weight))
-    if not xs:
-        raise DataError(
-            f"no mass line: at least three points above {_MASS_LINE:g} times the resonance are needed; "
-            "measure to higher frequencies, or give the inertia"
-        )
-    x, y = np.concatenate(xs), np.concatenate(ys)
-    inertia = -float(x @ y) / float(x @ x)
-    if inertia <= 0:
-        raise DataError("the response does not fall along a mass line; is it from torque to position?")
-    free = max(len(x) - len(xs) - 1, 1)
-    return inertia, math.sqrt(float(np.sum((y + inertia * x) ** 2)) / free / float(x @ x))
 
 
 def read_resonances(
@@ -267,13 +161,7 @@ def identify_dahl(
     """
     if not frfs:
         raise DataError("no frequency responses; at least two amplitudes are needed")
-    all_ = [_with_amplitude(f) for f in frfs]
-    for f in all_:
-        if f.sine is False:
-            raise DataError(
-                f"{f.name}: measured with many frequencies at once, where friction has no amplitude of its own for "
-                "each; measure one sine at a time, or fit the records in time"
-            )
+    all_ = [usable(f) for f in frfs]
     size = np.concatenate([f.amplitude for f in all_])
     if size.max() < 1.2 * size.min():
         raise DataError("all points have the same amplitude; measure at several, best a decade or more apart")
@@ -433,15 +321,3 @@ def _with_stuck(grid: Array, weight: Array, largest: float) -> tuple[Array, Arra
     """Break-away distances and stiffnesses, what never slipped being given the least distance that it may have."""
     x, k = _merged(grid[:-1], weight[:-1])
     return (np.append(x, largest), np.append(k, weight[-1])) if weight[-1] > 0 else (x, k)
-
-
-def _readings(resonances: Sequence[Resonance], inertia: float) -> tuple[Array, Array]:
-    points = sorted(resonances, key=lambda r: r.amplitude)
-    return np.array([r.amplitude for r in points]), np.array([r.stiffness(inertia) for r in points])
-
-
-def _with_amplitude(frf: FRF) -> FRF:
-    f = frf.compliance()
-    if f.amplitude is None:
-        raise DataError(f"{f.name}: the amplitude of the excitation is not known; give it as amplitude = ... [N m]")
-    return f

@@ -13,10 +13,11 @@ from .dataset import load, save
 from .diagnose import Diagnosis, diagnose
 from .effect import Effect
 from .errors import GmsError
+from .excitation import multisine
 from .plant import Plant
 from .progress import Progress
 from .record import Record
-from .simulate import multisine, simulate
+from .simulate import simulate
 
 SAMPLES, SAMPLE_TIME = 5000, 1e-3  # per record, [s]
 # Lowest and highest frequency of the torque [Hz], and its rms in Coulomb levels.

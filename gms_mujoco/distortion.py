@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError
-from .frf import period_spectra
 from .record import Record
+from .spectra import period_spectra
 
 Array = NDArray[np.float64]
 

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .effect import Effect
-from .errors import DataError
-from .frf import FRF, join_sines
+from .frf import FRF, join_sines, usable
 from .grid import Grid
 from .harmonics import SAMPLES, balance, fundamental, motion, velocity
 from .inverse import Observation
@@ -284,19 +283,6 @@ def roughness(frf: FRF) -> float:
         noise = math.hypot(float(np.abs(y[i])), *np.abs(weights * y[near]))
         gaps.append(abs(y[i] - weights @ y[near]) / noise)
     return float(np.quantile(gaps, _QUANTILE)) / math.sqrt(-math.log(1 - _QUANTILE))  # of a circular normal one
-
-
-def usable(frf: FRF) -> FRF:
-    """The response from torque to position; raises DataError where it does not say how torque and motion belong."""
-    f = frf.compliance()
-    if f.sine is False:
-        raise DataError(
-            f"{f.name}: measured with many frequencies at once, where friction has no amplitude of its own for "
-            "each; measure one sine at a time, or fit the records in time"
-        )
-    if f.amplitude is None:
-        raise DataError(f"{f.name}: the amplitude of the excitation is not known; give it as amplitude = ... [N m]")
-    return f
 
 
 def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:

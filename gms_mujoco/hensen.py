@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from . import effects
-from .dahl_resonance import _with_amplitude
 from .errors import DataError
-from .frf import FRF
+from .frf import FRF, with_amplitude
 from .plant import Plant
 from .record import Record
 
@@ -109,7 +108,7 @@ def identify_lugre(
     if not frfs:
         raise DataError("no frequency responses; one at small amplitude is needed")
     curve = fit_sliding(velocity, torque)
-    all_ = [_with_amplitude(f) for f in frfs]
+    all_ = [with_amplitude(f) for f in frfs]
     sizes = [float(np.median(f.amplitude)) for f in all_]  # type: ignore[arg-type]
     near = [f for f, a in zip(all_, sizes, strict=True) if a <= _ALIKE * min(sizes)]
     omega = np.concatenate([f.omega for f in near])

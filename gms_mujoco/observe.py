@@ -9,8 +9,8 @@ import numpy as np
 
 from .dahl_resonance import identify_dahl
 from .errors import DataError
-from .frf import FRF
-from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled, usable
+from .frf import FRF, usable
+from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled
 from .inverse import Observation
 from .noise import choose_bandwidth, estimate_noise, rough_inertia
 from .plant import Plant

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from .frf import find_period
 from .motion import REGIMES, Swings, break_away_distance
 from .noise_band import CONFIDENCE, NoiseBand, Z, bartlett, group_means, products
 from .residual_maps import Regime, ResidualMap, where
+from .spectra import find_period
 
 if TYPE_CHECKING:
     from .compare import RecordComparison

@@ -6,11 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, ModelError, listing
-from .excitation import multisine
 from .plant import Plant
 from .record import Record
-
-__all__ = ["multisine", "simulate"]  # a torque command and what it does
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,10 @@ import numpy as np
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
+from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 J = 2.4e-5  # kg m^2
 LEVEL = 4.5e-3  # N m

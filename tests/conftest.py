@@ -8,8 +8,9 @@ import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import save
+from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -11,9 +11,10 @@ from bench import HEALTHY, J, rms, runs
 from gms_mujoco import effects
 from gms_mujoco.compare import WINDOW, Comparison, compare
 from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 BARE = Plant.axis(J)
 

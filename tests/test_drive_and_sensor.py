@@ -7,10 +7,11 @@ from scipy.integrate import solve_ivp
 
 from gms_mujoco import effects, engine
 from gms_mujoco.errors import ModelError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 J = 2.4e-5
 H = 5e-4

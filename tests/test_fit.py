@@ -10,6 +10,7 @@ from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
 import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import FitResult, baseline, fit, relative_error
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
@@ -17,7 +18,7 @@ from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)
 

@@ -5,10 +5,12 @@ import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError
-from gms_mujoco.frf import FRF, estimate_frf, find_period, hold_factor, join_sines, to_csv
+from gms_mujoco.excitation import multisine
+from gms_mujoco.frf import FRF, estimate_frf, hold_factor, join_sines, to_csv
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
+from gms_mujoco.spectra import find_period
 from gms_mujoco.sweep import stepped_sine
 
 J, SPRING, DRAG, H = 2.4e-5, 0.5, 1e-3, 5e-4

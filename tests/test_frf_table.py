@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from gms_mujoco import formats
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.errors import DataError
-from gms_mujoco.frf import FRF, find_antiresonance, to_csv
+from gms_mujoco.frf import FRF, to_csv
 from gms_mujoco.frf_table import average_repeats, from_control, from_table, robust_mean
+from gms_mujoco.resonance import find_antiresonance
 
 F = np.geomspace(1, 300, 40)
 G = 1 / (0.5 + 1e-3j * 2 * np.pi * F - 2.4e-5 * (2 * np.pi * F) ** 2)

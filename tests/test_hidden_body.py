@@ -9,10 +9,11 @@ from scipy.linalg import expm
 
 from gms_mujoco import effects, engine
 from gms_mujoco.errors import ModelError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 J, J2, F, ZETA = 3e-5, 1.2e-5, 120.0, 0.1
 W = 2 * np.pi * F

@@ -10,10 +10,11 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
     {"errors", "parameter", "version", "registration"},
-    {"files", "units", "timing", "progress", "figure", "tall", "noise_band", "residual_maps", "native", "excitation"},
+    {"files", "units", "timing", "progress", "figure", "tall", "noise_band", "residual_maps", "native", "excitation",
+     "spectra"},
     {"harmonics"},
     {"record", "formats", "effect"},
-    {"effects", "columns", "frf", "frf_table", "distortion"},
+    {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
     {"plant", "coordinates", "grid"},
     {"simulate", "inverse", "frf_observation", "noise", "scales", "motion", "starts", "engine", "tasks", "axis",
      "dahl_resonance"},

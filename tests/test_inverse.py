@@ -5,10 +5,11 @@ import pytest
 from bench import COUNT, J, rms, run
 
 from gms_mujoco import effects
+from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation, held_mean, second_difference
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 BARE = Plant.axis(J)
 H = 1e-3

@@ -7,6 +7,7 @@ import pytest
 from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
 from scipy import signal
 
+from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
     Noise,
@@ -20,7 +21,6 @@ from gms_mujoco.noise import (
 )
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine
 
 BARE = Plant.axis(J)
 TORQUE, POSITION = 2e-4, 3e-6  # each visible in a part of the spectrum at 1 kHz

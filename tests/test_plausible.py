@@ -10,9 +10,10 @@ from gms_mujoco import effects, formats
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.errors import DataError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 INERTIA = 0.02
 PLANT = Plant.axis(INERTIA) + effects.find("coulomb")(coulomb=0.4) + effects.find("viscous")(coefficient=0.02)

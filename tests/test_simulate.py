@@ -5,8 +5,9 @@ import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
-from gms_mujoco.simulate import multisine, simulate
+from gms_mujoco.simulate import simulate
 
 J, C, U = 2e-5, 1e-3, 3e-3  # inertia, viscous coefficient, constant torque
 SPAN = 0.1  # s
