@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import effects
 from .frf import FRF
-from .frf_observation import FrfObservation, Seen
+from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .least_squares import nudge, solve
 from .misfit import Misfit
@@ -25,7 +25,7 @@ from .version import __version__
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-_ENOUGH = 160  # points of frequency responses, for a first look
+_ENOUGH = 80  # points of frequency responses, for a first look
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,18 @@ def fit_observations(
     report = progress or (lambda done, message: None)
     misfit, x = rough_fit(plant, observations, fixed, report)
     report(0.5, "refining")
-    return refine(misfit, x, max_steps=40)
+    found = refine(misfit, x, max_steps=40)
+    again = _doubting(found)
+    return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
+
+
+def _doubting(found: FitResult) -> list[Seen] | None:
+    """The observations with less trust in points of responses that stand alone; None where none does."""
+    seen = found.misfit.observations
+    parts = np.split(found.misfit.residual(found.vector), found.misfit.splits)
+    frfs = [(o, r) for o, r in zip(seen, parts, strict=True) if isinstance(o, FrfObservation)]
+    doubted = without_outliers([o for o, _ in frfs], [r for _, r in frfs]) if frfs else None
+    return [o for o in seen if not isinstance(o, FrfObservation)] + list(doubted) if doubted else None
 
 
 def rough_fit(
@@ -113,7 +124,7 @@ def rough_fit(
     before the records that are only guessed."""
     report = progress or (lambda done, message: None)
     best: tuple[float, Plant] | None = None
-    some = _fewer(observations)
+    some = fewer(observations)
     candidates = starts(plant, some)
     for i, start in enumerate(candidates):
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
@@ -127,7 +138,7 @@ def rough_fit(
     return misfit, nudge(misfit, misfit.vector(best[1]))
 
 
-def _fewer(observations: Sequence[Seen]) -> list[Seen]:
+def fewer(observations: Sequence[Seen]) -> list[Seen]:
     """Enough of the points of frequency responses to see where a fit leads."""
     points = sum(len(o.frf) for o in observations if isinstance(o, FrfObservation))
     every = math.ceil(points / _ENOUGH)

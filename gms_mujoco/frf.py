@@ -27,6 +27,7 @@ Complex = NDArray[np.complex128]
 INPUTS: Mapping[str, str] = {"torque": "N m", "current": "A", "voltage": "V", "reference": "1", "load": "N m"}
 OUTPUTS: Mapping[str, str] = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 METHODS = ("h1", "indirect")
+_HOLD_ERROR = 6.0  # times (f / sample rate)^4: what is left of a hold off the mass line, relative
 
 
 @dataclass(frozen=True)
@@ -262,6 +263,8 @@ def estimate_frf(
         for key in ("sigma", "sigma_noise"):
             if values.get(key) is not None:
                 values[key] = values[key] / np.abs(factor)
+        if "sigma" in values:  # the factor is exact on the mass line alone
+            values["sigma"] = np.hypot(values["sigma"], _HOLD_ERROR * (frequency * h) ** 4 * np.abs(response))
         notes += ("corrected for a torque held from sample to sample",)
     alone = samples is not None and len(frequency) == 1
     unit = response_unit(input, output, kind)

@@ -39,6 +39,9 @@ _DOUBT = 1.03  # of the inertia: where this changes what the harmonics do, one o
 _BLOCK = 3  # neighbouring points that are left out together
 _UNKNOWN = 0.01  # relative deviation of a response of which nothing is known
 _QUANTILE = 0.3
+_ALONE = 5.0  # times its deviation, and times what its neighbours are off: a point that stands alone
+_BESIDE = 2  # neighbours on each side
+_SAME = 0.03  # relative distance within which frequencies of two responses are the same
 _MOST_PERIODS = 256  # until a drive effect has come to rest
 
 
@@ -314,6 +317,39 @@ def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfOb
         frf = o.frf if good.all() else o.frf.where(good)
         out.append(replace(o, frf=frf, deviation=deviation[good], extra=found.extra[good]))
     return out
+
+
+def without_outliers(
+    observations: Sequence[FrfObservation], residuals: Sequence[Array]
+) -> list[FrfObservation] | None:
+    """The observations with points that stand alone given the deviation that they show; None where there are none.
+
+    A physical effect acts on the neighbours of a point too, or at the same frequency at other amplitudes. What does
+    neither is a bad measurement, or a motion that jumped to another branch where a harmonic meets the resonance.
+
+    Args:
+        observations: frequency responses.
+        residuals: (2 n,) rows of each, left by a fit.
+    """
+    off = [np.abs(o.complex(r)) / o.deviation for o, r in zip(observations, residuals, strict=True)]
+    usual = max(float(np.median(np.concatenate(off))), 0.5)
+    out, found = [], False
+    for k, (o, z) in enumerate(zip(observations, off, strict=True)):
+        near = np.array([np.delete(z[max(i - _BESIDE, 0) : i + _BESIDE + 1], min(i, _BESIDE)).max(initial=0.0)
+                         for i in range(len(z))])  # fmt: skip
+        alone = z > _ALONE * np.maximum(near, usual)
+        for i in np.flatnonzero(alone):
+            f = o.frf.frequency[i]
+            others = [y[np.abs(p.frf.frequency / f - 1) < _SAME] for j, (p, y) in enumerate(
+                zip(observations, off, strict=True)) if j != k]  # fmt: skip
+            alone[i] = np.concatenate([*others, np.zeros(1)]).max() < _ALONE * usual
+        if len(z) > 2 * _BESIDE and alone.any():
+            found = True
+            deviation = np.where(alone, o.deviation * z / usual, o.deviation)
+            out.append(replace(o, deviation=deviation))
+        else:
+            out.append(o)
+    return out if found else None
 
 
 def rescaled(observations: Sequence[FrfObservation], scale: float | None = None) -> list[FrfObservation]:

@@ -335,7 +335,8 @@ class Misfit:
         limits = visible_limits(self.coordinates.template, self.observations)
         for i, label in enumerate(self.coordinates.labels):
             if label in limits:
-                lower[i], upper[i] = np.log(limits[label])
+                linear = self.coordinates.is_linear[i]
+                lower[i], upper[i] = limits[label] if linear else np.log(limits[label])
         return lower, upper
 
     @cached_property

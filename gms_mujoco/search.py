@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from .compare import Comparison, compare_observations
-from .fit import FitResult, Progress, fit_observations, refine, rough_fit
+from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .least_squares import nudge
 from .misfit import Misfit
@@ -82,6 +82,7 @@ class Search:
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
+        self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps.append(Step(None, result, held_out=cross_validated(result.misfit, result.vector)))
 
     def add_one(self, report: Progress) -> bool:
@@ -103,7 +104,7 @@ class Search:
         trials: list[tuple[str, FitResult, Array]] = []
         for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
             report(0.7 + 0.1 * i, f"refitting with {name}")
-            result = refine(misfit, x)
+            result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
             if i == 0 and result.error > AT_FLOOR * result.floor:
                 result = min(result, self._afresh(result.plant, name), key=_error)
             trials.append((name, result, cross_validated(result.misfit, result.vector)))
@@ -163,12 +164,13 @@ class Search:
     def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
         plant = joined(current.plant, candidate.effect)
-        misfit = Misfit(plant, self.seen)
+        some = fewer(self.seen)
+        misfit = Misfit(plant, some)
         memories = current.misfit.memories(current.vector, misfit.n_memory)
         x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
         if not candidate.strong:
             return misfit, x
-        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), self.seen)
+        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), some)
         return min(((misfit, x), other), key=lambda t: t[0].cost(t[1]))
 
     def _fresh(self, near: Plant, name: str) -> Plant:
