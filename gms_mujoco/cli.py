@@ -27,6 +27,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .compare import Comparison
+    from .dahl_resonance import DahlReading
     from .diagnose import Diagnosis
 
 PROGRAM = "gms-mujoco"
@@ -169,7 +170,7 @@ def _demo(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
-    from .elements import choose_elements, undetermined
+    from .elements import choose_elements
     from .fit import baseline, fit
 
     output = files.expect_writable(options.output)
@@ -188,7 +189,7 @@ def _fit(options: argparse.Namespace) -> None:
     if runs.validate:
         print(f"validate error {compare(result.plant, runs.validate).torque_error:.4f}")
     print(_parameters(result.plant))
-    for name, experiment in undetermined(result.plant).items():
+    for name, experiment in result.undetermined.items():
         print(f"{name} is not determined by these data; what would: {experiment}")
     print(f"wrote {output}")
 
@@ -266,12 +267,28 @@ def _frf(options: argparse.Namespace) -> None:
         coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
         print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
               f"{coherence:>9}")
+    print()
     try:
-        print(identify_dahl([f for f in found if f.use == "fit"], runs.inertia, kind=runs.kind))
+        print(_reading(identify_dahl([f for f in found if f.use == "fit"], runs.inertia, kind=runs.kind), runs.kind))
+        print(f"For the final numbers, with the Stribeck curve and intervals: {PROGRAM} fit {options.dataset} "
+              "-o model.toml")
     except DataError as error:
         print(f"no friction read from the resonance: {error}")
     if output:
         print(f"wrote {output}")
+
+
+def _reading(reading: DahlReading, kind: str) -> str:
+    """What the Dahl resonance says about friction, and beside it the two naive readings of it."""
+    torque, size = ("N m", "rad") if kind == "hinge" else ("N", "m")
+    lines = ["friction read from the Dahl resonance, by describing function:"]
+    lines += [f"  {part}" for part in reading.status.split("; ")]
+    if rows := reading.readings():
+        heads = (f"amplitude [{size}]", f"J w^2 [{torque}/{size}]", "describing fn.", "as secant", "as slope")
+        lines += ["", f"virgin curve [{torque}] at the amplitude of each resonance, and by the two naive readings:"]
+        lines.append(" ".join(f"{h:>{w}}" for h, w in zip(heads, (16, 16, 14, 12, 12), strict=True)))
+        lines += [f"{a:16.3g} {k:16.4g} {d:14.4g} {s:12.4g} {t:12.4g}" for a, k, d, s, t in rows]
+    return "\n".join([*lines, ""])
 
 
 def _attach(options: argparse.Namespace) -> None:

@@ -36,7 +36,7 @@ from .errors import DataError
 from .frf import FRF, usable
 from .harmonics import balance, fundamental, motion
 from .plant import Plant, slide_unit
-from .resonance import Resonance, find_resonance
+from .resonance import Resonance, find_resonance, secant_curve, slope_curve
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -82,6 +82,15 @@ class DahlReading:
     def virgin_curve(self, distance: Array) -> Array:
         """(n,) friction torque [N m] at `distance` (n,) from rest [rad], up to the largest amplitude measured."""
         return virgin_curve(self.stiffness, self.breakaway, distance) + self.stuck * np.asarray(distance, float)
+
+    def readings(self) -> list[tuple[float, float, float, float, float]]:
+        """Each resonance from small to large: amplitude [rad], J w^2 [N m/rad], and the virgin curve there [N m] by the
+        describing function and by the two naive readings, as its secant and as its local slope."""
+        points = sorted(self.resonances, key=lambda r: r.amplitude)
+        x = np.array([r.amplitude for r in points])
+        curves = (f(points, self.inertia, x) if len(x) else x for f in (secant_curve, slope_curve))
+        rows = zip(x, (r.stiffness(self.inertia) for r in points), self.virgin_curve(x), *curves, strict=True)
+        return [(float(a), float(k), float(d), float(s), float(t)) for a, k, d, s, t in rows]
 
     def __str__(self) -> str:
         return self.status

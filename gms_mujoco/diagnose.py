@@ -24,6 +24,7 @@ from .plant import Plant
 from .remainder import describe
 from .screen import BLOCK, Screen
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
+from .undetermined import never_slips
 
 Array = NDArray[np.float64]
 
@@ -217,6 +218,8 @@ def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: fl
             f"To tell {one} from {other}: {_lowered(effects.find(one).experiment)} "
             f"For {other}: {_lowered(effects.find(other).experiment)}"
         )
+    elif stuck := never_slips(last.plant, last.misfit.observations):
+        following = stuck
     elif not at_floor and rejected:
         likely = min(rejected, key=lambda r: r.p_value)
         experiment = _lowered(effects.find(likely.effect).experiment)

@@ -1,4 +1,4 @@
-"""How many elements friction needs, and what the data cannot tell about it."""
+"""How many elements friction needs."""
 
 from __future__ import annotations
 
@@ -17,17 +17,6 @@ from .record import Record
 from .screen import cross_validated
 
 COUNTS = (1, 2, 3, 4, 6, 8)
-_UNKNOWN = 10.0  # an interval whose ends differ by this factor says nothing
-_EXPERIMENTS = {
-    "gms.stiffness": "sines or reversals at amplitudes from well below to well above the break-away distances",
-    "gms.fraction": "sines or reversals at more amplitudes, closer together",
-    "gms.coulomb": "sliding well beyond the Stribeck velocity",
-    "gms.static": "slow sliding, or sines large enough for all elements to slip",
-    "gms.stribeck_velocity": "constant-velocity runs, or large sines, from well below to well above the velocity at "
-    "which friction weakens",
-    "gms.attraction": "transients while sliding: changes of speed and reversals at speed",
-    "inertia": "higher frequencies, where the response follows its mass line",
-}
 
 
 def choose_elements(
@@ -74,26 +63,3 @@ def choose_elements(
 def _with(gms: Effect, elements: int) -> Effect:
     kept = {p.name: gms.values[p.name] for p in gms.parameters if not p.per_element and p.name not in gms.unset}
     return effects.find("gms")(elements, **kept)
-
-
-def undetermined(plant: Plant) -> dict[str, str]:
-    """Parameters that the data of a fit could not tell, by name, with the experiment that would.
-
-    Those whose 95 % interval spans more than a factor of ten, a share that may be anything, and a static level that
-    may be the Coulomb level or twice it.
-    """
-    out: dict[str, str] = {}
-    numbers = plant.numbers()
-    for name, (low, high) in plant.uncertainty.items():
-        value = numbers[name][0]
-        if name.startswith("gms.fraction"):
-            vague = high - low > 0.5
-        elif low > 0:
-            vague = high > _UNKNOWN * low
-        else:
-            vague = not high - low < 1e3 * abs(value) and value != 0
-        if vague:
-            effect, _, _ = name.partition(".")
-            general = _EXPERIMENTS.get(name.split("[")[0]) or effects.find(effect).experiment.rstrip(".")
-            out[name] = general[:1].lower() + general[1:]
-    return out

@@ -20,6 +20,7 @@ from .observe import observe
 from .plant import Plant
 from .record import Record
 from .starts import starts
+from .undetermined import never_slips, undetermined
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class FitResult:
         plant: with its parameters, their 95 % intervals and their provenance.
         error: rms of the torque residual over rms of the torque, pooled over the records.
         floor: the same from sensor noise alone, for a perfect model.
-        status: one sentence.
+        status: what was found, and a sentence on friction elements that never slipped.
         misfit, vector: the least-squares problem and its solution.
         noise: of the sensors, from which the floor follows.
     """
@@ -48,6 +49,11 @@ class FitResult:
     misfit: Misfit
     vector: Array
     noise: Noise
+
+    @property
+    def undetermined(self) -> dict[str, str]:
+        """Parameters that the data do not determine, with the experiment that would."""
+        return undetermined(self.plant)
 
 
 def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:
@@ -173,9 +179,14 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "clock_skew": misfit.skew(x),
         "version": f"gms_mujoco {__version__}",
     }
-    plant = replace(plant, uncertainty=intervals, provenance=provenance)
+    plant = replace(plant, uncertainty=intervals)
+    if missing := undetermined(plant):
+        provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
+    plant = replace(plant, provenance=provenance)
     status = (
         f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
         f"noise floor {100 * floor:.2f} %"
     )
+    if stuck := never_slips(plant, observations):
+        status += f". {stuck}"
     return FitResult(plant, error, floor, status, misfit, x, noise)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gms_mujoco import effects
-from gms_mujoco.elements import choose_elements, undetermined
+from gms_mujoco.elements import choose_elements
 from gms_mujoco.errors import ModelError
 from gms_mujoco.frf import FRF
 from gms_mujoco.plant import Plant
@@ -29,19 +29,6 @@ def test_as_many_elements_as_the_axis_has(count: int) -> None:
     )  # fmt: skip
     found = choose_elements(UNKNOWN, sweep(gms, np.geomspace(0.15, 2, 5)), (1, 2, 3))
     assert found.plant["gms"].elements == count
-
-
-def test_what_pre_sliding_cannot_tell_is_said_with_the_experiment_that_would() -> None:
-    gms = effects.GMS(
-        stiffness=[1.0, 0.2], fraction=[0.3, 0.7], coulomb=LEVEL, static=1.2 * LEVEL, stribeck_velocity=0.6,
-        attraction=0.5,
-    )  # fmt: skip
-    small = choose_elements(UNKNOWN, sweep(gms, np.array([0.05, 0.1, 0.2])), (1, 2)).plant
-    missing = undetermined(small)
-    assert "gms.attraction" in missing and "sliding" in missing["gms.attraction"]
-    assert "gms.stribeck_velocity" in missing
-    large = choose_elements(UNKNOWN, sweep(gms, np.geomspace(0.15, 4, 6)), (2,)).plant
-    assert not {"gms.coulomb", "gms.static", "gms.stribeck_velocity"} & set(undetermined(large))
 
 
 def test_only_friction_without_values_has_its_elements_chosen() -> None:

@@ -18,7 +18,7 @@ LAYERS = [
     {"plant", "coordinates", "grid"},
     {"simulate", "inverse", "frf_observation", "noise", "scales", "motion", "starts", "engine", "tasks", "axis",
      "dahl_resonance"},
-    {"observe", "misfit", "least_squares", "intervals", "residuals", "robot", "plausible"},
+    {"observe", "misfit", "least_squares", "intervals", "undetermined", "residuals", "robot", "plausible"},
     {"servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
     {"dataset"},
