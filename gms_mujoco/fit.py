@@ -26,7 +26,9 @@ from .version import __version__
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-_ENOUGH = 80  # points of frequency responses, for a first look
+_ROUNDS = 4  # of solving and computing the harmonics anew
+_AGREED = 0.98  # of the cost: less of a fall is none
+_ENOUGH = 160  # points of frequency responses, for a first look
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ def rough_fit(
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
         misfit = Misfit(start, some, fixed, coarse=True)
         x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=np.arange(misfit.n_common))
+        x = _agreed(misfit, x, 20, np.arange(misfit.n_common))
         cost = misfit.cost(x)
         if best is None or cost < best[0]:
             best = cost, misfit.coordinates.decode(x[: misfit.coordinates.size])
@@ -144,17 +147,30 @@ def rough_fit(
     return misfit, nudge(misfit, misfit.vector(best[1]))
 
 
-def fewer(observations: Sequence[Seen]) -> list[Seen]:
+def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
     """Enough of the points of frequency responses to see where a fit leads."""
     points = sum(len(o.frf) for o in observations if isinstance(o, FrfObservation))
-    every = math.ceil(points / _ENOUGH)
+    every = math.ceil(points / enough)
     return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
     """The fit next to a vector that is already close: first the few parameters, then all unknowns."""
     x = solve(misfit, misfit.settle(x), max_steps, columns=np.arange(misfit.n_common))
-    return _result(misfit, solve(misfit, misfit.settle(x), max_steps // 2))
+    return _result(misfit, _agreed(misfit, solve(misfit, misfit.settle(x), max_steps // 2), max_steps // 2))
+
+
+def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
+    """`x` solved anew until the harmonics of the motions of frequency responses, which depend on the plant that they
+    are to tell, agree with it; as it is where there are none."""
+    if any(isinstance(o, FrfObservation) for o in misfit.observations):
+        for _ in range(_ROUNDS):
+            there = misfit.settle(x)
+            before = misfit.cost(there)
+            x = solve(misfit, there, max_steps, columns=columns)
+            if misfit.cost(x) > _AGREED * before:
+                break
+    return x
 
 
 def _result(misfit: Misfit, x: Array) -> FitResult:

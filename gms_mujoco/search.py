@@ -29,6 +29,7 @@ NOTHING_LEFT = 1.05  # times the squared error of noise: below it there is nothi
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_POINTS = 80  # of frequency responses that contenders are fitted to
 _FINALISTS = 2  # of them, fitted to the end
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
@@ -164,7 +165,7 @@ class Search:
     def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
         plant = joined(current.plant, candidate.effect)
-        some = fewer(self.seen)
+        some = fewer(self.seen, _POINTS)
         misfit = Misfit(plant, some)
         memories = current.misfit.memories(current.vector, misfit.n_memory)
         x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))

@@ -109,17 +109,18 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
     slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
     softer = np.full(gms.elements, softest)
-    sizes = [float(o.size.max()) for o in observations if isinstance(o, FrfObservation)]
+    frfs = [o for o in observations if isinstance(o, FrfObservation)]
+    sizes = [float(o.size.max()) for o in frfs]
     if len(sizes) == len(observations):  # one that never slipped at any amplitude is told from no other such
         softer = _STUCK * level / max(sizes)
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
     if len(sizes) == len(observations):
         # A level that no torque reached, and a weakening at speeds where nothing slides, are not seen.
-        hardest = float(max(np.abs(o.torque).max() for o in observations))
+        hardest = float(max(np.abs(o.torque).max() for o in frfs))
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))
         limits["gms.static"] = (0.0, max(hardest - total, 0.1 * total), above)  # its coordinate: above the other level
-        sliding = [o.velocity for o in observations if np.abs(o.torque).max() > total]
+        sliding = [o.velocity for o in frfs if np.abs(o.torque).max() > total]
         if sliding:
             slowest = max(slowest, 0.01 * min(float(np.sqrt(np.mean(v**2))) for v in sliding))
     limits["gms.stribeck_velocity"] = (slowest, fastest, float(np.asarray(gms.stribeck_velocity)))
