@@ -16,6 +16,7 @@ OF_KIND = {
     "drive": "Drive: between the commanded torque and the joint",
     "mechanics": "Mechanics",
     "sensor": "Sensor: between the joint and the recorded position",
+    "controller": "Controller: of a servo that is told where to go",
 }
 
 

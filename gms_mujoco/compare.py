@@ -186,7 +186,7 @@ def compare(plant: Plant, data: Sequence[Record | FRF], *, bandwidth: float | No
         ModelError: a parameter has no value.
         DataError: there is nothing to compare with.
     """
-    plant.complete()
+    plant.complete().torque_driven()
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
     return compare_observations(plant, observe(data, plant.inertia, bandwidth, plant))
 

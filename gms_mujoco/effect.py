@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Value = float | tuple[float, ...]
 
-KINDS = ("friction", "drive", "mechanics", "sensor")
+KINDS = ("friction", "drive", "mechanics", "sensor", "controller")
 
 
 class Effect:

@@ -117,7 +117,7 @@ def attach(
         _add_instance(spec, joints, dict(config))
         _add_sensors(spec, joints, sensors, chosen[joints[0].name].joint().n_state - 2)
     for name, plant in chosen.items():
-        for e in plant.effects:
+        for e in sorted(plant.effects, key=lambda e: e.kind != "controller"):  # the actuators first
             e.edit(spec, name)
     return spec
 

@@ -94,9 +94,10 @@ def fit(
 
     Raises:
         DataError: nothing to fit, or a response that cannot be used alone.
-        ModelError: a parameter has no value and cannot be identified.
+        ModelError: a parameter has no value and cannot be identified, or the plant takes no torque.
     """
     report = progress or (lambda done, message: None)
+    plant.torque_driven()
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     found = fit_observations(plant, observations, fixed, report)

@@ -65,6 +65,7 @@ class FrfObservation:
 
     has_memory = False  # in the steady state the beginning is forgotten
     skews = False  # its phase was estimated with torque and position on one clock
+    typical_torque = None  # what is applied is one
 
     @property
     def name(self) -> str:

@@ -161,6 +161,13 @@ class Plant:
             raise ModelError(f"these parameters have no value yet: {listing(self.unset)}; give them, or fit first")
         return self
 
+    def torque_driven(self) -> Plant:
+        """Itself; raises ModelError where it closes a position loop of its own, so that no torque is asked of it."""
+        for e in self.effects:
+            if e.kind == "controller":
+                raise ModelError(f"a plant with {e.name} takes a goal, not a torque; see position_servo")
+        return self
+
     def joint(self) -> native.Joint:
         """The native effects of this plant, ready to be replayed."""
         return native.Joint([(e.name, e.elements, e.packed) for e in self.effects if e.is_native])

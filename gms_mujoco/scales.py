@@ -31,7 +31,7 @@ class Scales:
 
         none = Plant.axis(1.0)
         return cls(
-            pooled([o.applied(none) for o in observations]),
+            pooled([o.applied(none) if o.typical_torque is None else o.typical_torque for o in observations]),
             pooled([o.position - o.position.mean() for o in observations]),
             pooled([o.velocity for o in observations]),
             pooled([o.acceleration for o in observations]),

@@ -375,12 +375,14 @@ class LinearModel:
     def _scaled(self, columns: Array) -> Array:
         return columns / np.sqrt(np.mean(columns**2, 0)).clip(1e-300)
 
-    def _folds(self, grams: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    def _folds(
+        self, grams: Array, fold: NDArray[np.intp] | None = None
+    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
         """Blocks of each fold, and the move (p,) that fits the others best."""
         own, p = self.tangents.shape[1], grams.shape[1] - 1
         ridge = np.diag(np.append(np.full(own, self.prior**2), np.full(p - own, 1e-9 * len(self.residual))))
-        total, fold = grams.sum(0), np.arange(len(grams)) % FOLDS
-        for k in range(FOLDS):
+        total, fold = grams.sum(0), np.arange(len(grams)) % FOLDS if fold is None else fold
+        for k in np.unique(fold):
             blocks = np.flatnonzero(fold == k)
             rest = total - grams[blocks].sum(0)
             yield blocks, -np.linalg.solve(rest[:p, :p] + ridge, rest[:p, p])
@@ -392,20 +394,21 @@ def determined(misfit: Misfit) -> NDArray[np.bool_]:
     return found if found.any() else ~found
 
 
-def cross_validated(misfit: Misfit, vector: Array) -> Array:
+def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> Array:
     """(blocks,) squared residual of each block of time, left by a refit without the blocks of its fold.
 
     The refit is one step of least squares from the solution, as far as it really helps the blocks it may see.
 
     Args:
         misfit, vector: a problem and its solution.
+        fold: (blocks,) which blocks are left out together; None: every fifth.
     """
     residual = misfit.residual(vector)
     model = LinearModel(misfit, vector, residual)
     grams = _block_grams(model.observations, np.column_stack([model.tangents, model.residual]))
     lower, upper = misfit.bounds
     out = np.empty(len(grams))
-    for blocks, move in model._folds(grams):
+    for blocks, move in model._folds(grams, fold):
         best, chosen = np.inf, np.empty(0)
         for share in (0.0, 0.1, 0.3, 1.0):
             moved = vector.copy()
@@ -446,4 +449,5 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
         one_level = sizes.max() < 2 * sizes.min()  # a limit is then a gain like any other
         contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
     out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
+    out = [e for e in out if e.kind != "controller"]  # a record of torque says nothing about one
     return [e for e in out if plant.kind == "hinge" or not has_phase(e)]

@@ -32,7 +32,7 @@ _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _FINALISTS = 2  # of them, fitted to the end
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
-_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Search:
             return False
         # Of those that are as good as the best the one with the fewest free parameters.
         best = min(earned, key=lambda t: t[2].sum())
-        equal = [t for t in earned if p_value(t[2], best[2]) > _CONFUSABLE]
+        equal = [t for t in earned if p_value(t[2], best[2]) > CONFUSABLE]
         name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
         confusable = tuple(t[0] for t in equal if t[0] != name)
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause

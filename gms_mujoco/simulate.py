@@ -47,7 +47,7 @@ def simulate(
         ModelError: a parameter has no value, or a load is heavier than the axis that it is a part of.
         DataError: the motion runs away.
     """
-    plant.complete()
+    plant.complete().torque_driven()
     if plant.driven_inertia <= 0:
         loads = listing(e.name for e in plant.effects if e.hidden_inertia)
         raise ModelError(f"{loads} must have less inertia than the axis, {plant.inertia:g}, of which it is a part")

@@ -25,6 +25,7 @@ LAYERS = [
     {"screen", "elements", "remainder", "custom", "goals"},
     {"search"},
     {"diagnose"},
+    {"position_servo"},
     {"page", "page_frf"},
     {"demo", "report"},
     {"env", "vector_env", "control", "drawing", "scene", "view", "tour"},

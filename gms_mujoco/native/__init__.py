@@ -85,6 +85,11 @@ def _load() -> ctypes.CDLL:
             integer,
             (pointer, integer, integer, integer, real, real, real) + (pointer,) * 6 + (real, real) + (pointer,) * 4,
         ),
+        (
+            "gms_servo_simulate",
+            integer,
+            (pointer, integer, real, real, real, pointer, real, integer) + (pointer,) * 5,
+        ),
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
         ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),
@@ -407,3 +412,53 @@ class Joint:
             *map(_address, (q, v, friction, history)),
         )
         return Motion(q, v, friction, history)
+
+    def simulate_servo(
+        self,
+        inertia: float,
+        weight: float,
+        loop: Array,
+        delay: float,
+        step: float,
+        time: Array,
+        goal: Array,
+        powered: Array,
+        position: float = 0.0,
+        velocity: float = 0.0,
+    ) -> Motion:
+        """Motion of a servo that closes its own position loop, with a pendulum on its shaft.
+
+        The friction is that of this joint and has the torque of the motor as its load.
+
+        Args:
+            inertia: of all that moves [kg m^2].
+            weight: A of the torque -A sin(q) of the payload [N m].
+            loop: parameters of the effect position_loop in the order of its table, then the least duty.
+            delay: after which goal and power act [s].
+            step: [s].
+            time: (n,) of the samples [s].
+            goal: (n,) position asked for, from each sample to the next [rad].
+            powered: (n,) 1 where the motor bridge is on, else 0.
+            position, velocity: at the first sample [rad], [rad/s].
+
+        Returns:
+            Position and velocity at the beginning of each step, from the first sample to beyond the last; the friction
+            is not recorded.
+
+        Raises:
+            ModelError: inertia or step is not positive, or the delay is negative.
+        """
+        if not (inertia > 0 and step > 0 and delay >= 0):
+            raise ModelError(
+                "inertia [kg m^2] and step [s] must be positive, and delay [s] not negative; "
+                f"{inertia:g}, {step:g} and {delay:g} given"
+            )
+        numbers, *inputs = [np.ascontiguousarray(a, float) for a in (loop, time, goal, powered)]
+        n = int((time[-1] - time[0]) / step) + 2
+        q, v = np.full(n, np.nan), np.full(n, np.nan)
+        q[:1], v[:1] = position, velocity
+        library.gms_servo_simulate(
+            self._handle, n, step, inertia, weight, _address(numbers), delay, len(inputs[0]),
+            *map(_address, (*inputs, q, v)),
+        )  # fmt: skip
+        return Motion(q, v, np.full(n, np.nan))

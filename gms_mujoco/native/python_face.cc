@@ -4,8 +4,8 @@
 
 #include "api.h"
 #include "effect.h"
-#include "implicit.h"
 #include "joint.h"
+#include "single_axis.h"
 
 using gms::Joint;
 
@@ -241,63 +241,29 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
                                const double* temperature, const double* memory, const double* initial,
                                const double* path, double near, double pull,
                                double* position, double* velocity, double* friction, double* states) {
-  const int n_state = joint->n_state();
-  std::vector<double> state(n_state), next(n_state);
-  if (initial) {
-    std::copy(initial, initial + n_state, state.begin());
-  } else if (memory) {
-    joint->recall(memory, state.data());
-  } else {
-    joint->reset(state.data());
-  }
-  const double h = sample_time / substeps, mobility = 1 / inertia;
-  const double steepest = joint->slope(h);
-  if (implicit < 0) implicit = h * steepest * mobility > gms::kExplicitLimit;
-
-  const int one = 1, zero = 0;
-  const gms::Tree tree{1, &one, &zero, &zero, &inertia, nullptr, nullptr};
-  gms::Implicit solver;
-  solver.reserve(1, 1, 1);
-  double slope = -1;
-
+  const double h = sample_time / substeps;
+  gms::SingleAxis axis(*joint, inertia, h, implicit, memory, initial);
   gms::Sample now{start, position[0], velocity[0]};
   for (int k = 0; k < n; k++) {
     now.load = load ? load[k] : 0;
     now.temperature = temperature ? temperature[k] : 0;
     const double rate = path && k + 1 < n ? (path[k + 1] - path[k]) / sample_time : 0;
     for (int i = 0; i < substeps; i++) {
-      double f = joint->torque(now, state.data(), next.data());
-      state.swap(next);
       double applied = torque[k];
       if (path) {
         const double off = now.position - path[k] - rate * i * h;
         const double beyond = off - std::fmin(std::fmax(off, -near), near);
         if (beyond != 0) applied -= inertia * pull * (pull * beyond + 2 * (now.velocity - rate));
       }
-      if (implicit) {
-        auto& unit = solver.units[0];
-        unit.joint = joint;
-        unit.dof = 0;
-        unit.weight = mobility;
-        unit.steepest = steepest;
-        unit.now = now;
-        unit.state = state.data();
-        unit.torque = f;
-        unit.slope = slope;
-        solver.solve(1, tree, nullptr, &now.velocity, &applied, h);
-        f = unit.torque;
-        slope = unit.slope;
-      }
+      const double f = axis.torque(now, applied);
       if (i == 0) {
         position[k] = now.position;
         velocity[k] = now.velocity;
         friction[k] = f;
-        if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
+        if (states) std::copy(axis.state().begin(), axis.state().end(), states + k * axis.state().size());
         if (!std::isfinite(now.position) || !std::isfinite(f)) return k;
       }
-      now.velocity += h * ((f + applied) * mobility);
-      now.position += h * now.velocity;
-      now.time += h;
+      axis.step(&now, f + applied);
     }
   }
   return n;
