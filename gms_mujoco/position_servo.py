@@ -12,7 +12,7 @@ missing effect are otherwise those of every axis, with the position error in the
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s^2
 STEP = 1e-3  # s, of the simulation
+TIED_TO_THE_PLACE = ("cogging", "gravity", "position_dependent_friction", "spring")
 _COLUMNS = ("timestamp", "position", "goal_position", "torque_enable")
 _HEADER = ("mass", "length", "kp")
 _WINDOW = 5  # samples, whose median a reading is compared with
@@ -317,7 +318,11 @@ class Step:
 
 
 def explain(
-    plant: Plant, runs: Sequence[ServoRun], most: int = 5, progress: Progress | None = None
+    plant: Plant,
+    runs: Sequence[ServoRun],
+    most: int = 5,
+    without: Collection[str] = (),
+    progress: Progress | None = None,
 ) -> tuple[Step, ...]:
     """Adds, one after the other, the effects that a servo's model lacks: the one first that removes most of the error.
 
@@ -329,6 +334,8 @@ def explain(
         plant: to begin with, such as `servo()`.
         runs: that decide; judge the result on others.
         most: effects to add.
+        without: names of effects that are not looked at, such as `TIED_TO_THE_PLACE` where the plant is to serve on
+            another mount: a pendulum loads the gear by where it hangs, and they can stand for that.
         progress: called with a share in 0..1 and a message.
 
     Raises:
@@ -345,7 +352,8 @@ def explain(
         report(done, "screening the catalogue")
         held_out = cross_validated(misfit, x, fold)
         screen, current = Screen(misfit, x), misfit.coordinates.decode(x)
-        scored = [c for c in map(screen.candidate, candidates(current)) if c is not None]
+        looked_at = [e for e in candidates(current) if e.name not in without]
+        scored = [c for c in map(screen.candidate, looked_at) if c is not None]
         scored.sort(key=lambda c: -c.gain)
         trials = []
         for c in scored[:_CONTENDERS]:
