@@ -9,12 +9,12 @@ import os
 import signal
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun_loader_mjcf import MJCFLogger
 
 from . import engine, files, native
 from .drawing import part, rgb
@@ -29,6 +29,15 @@ _COLOURS = ("#4c9be8", "#e8a33d", "#2ab58a", "#d66a6a", "#a98ee0", "#c9b458", "#
 _SLIPS = {-1: "slips backward", 0: "sticks", 1: "slips forward"}
 _OF_SLIPS = ("#4c72b0", "#4a4a4a", "#c4704e")
 _SHADES = rr.StateConfiguration(values=list(_SLIPS.values()), colors=[rgb(c) for c in _OF_SLIPS])
+
+
+def _geometry(model: mujoco.MjModel) -> Any:
+    """What logs the bodies of a model, an optional library."""
+    try:
+        from rerun_loader_mjcf import MJCFLogger
+    except ImportError:
+        raise ModelError("a model in 3-D needs rerun-loader-mjcf: pip install 'gms-mujoco[scene]'") from None
+    return MJCFLogger(model, _ROBOT)
 
 
 class Scene:
@@ -71,7 +80,7 @@ class Scene:
             for i in range(len(engine.friction(model, data, joint).forces)):
                 self._name(f"{root}/elements/{i + 1}", f"element {i + 1}", i)
                 stream.log(f"{root}/slips/{i + 1}", _SHADES, static=True)
-        self._robot = MJCFLogger(model, _ROBOT)
+        self._robot = _geometry(model)
         stream.set_time("time", duration=0.0)
         with contextlib.redirect_stdout(io.StringIO()):  # it says which planes it leaves out
             self._robot.log_model(stream)
