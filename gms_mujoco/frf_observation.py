@@ -66,6 +66,7 @@ class FrfObservation:
     has_memory = False  # in the steady state the beginning is forgotten
     skews = False  # its phase was estimated with torque and position on one clock
     typical_torque = None  # what is applied is one
+    additive = True  # what an effect needs does not depend on the others
 
     @property
     def name(self) -> str:

@@ -90,6 +90,7 @@ class Observation:
     has_memory = True  # what went before the first sample still acts
     skews = True  # nobody says that torque and position were read on one clock
     typical_torque = None  # what is applied is one
+    additive = True  # what an effect needs does not depend on the others
 
     @property
     def name(self) -> str:

@@ -194,13 +194,14 @@ class Misfit:
     ) -> Array:
         """(m,) what of the residual of observation i an effect has a hand in; "" for the inertia.
 
-        Torques of effects add: what a change does can be seen where it acts alone.
+        Torques of effects add: what a change does can be seen where it acts alone. In a simulated motion they do not.
 
         Args:
             whole: it acts on all others.
             drives: it acts on the torque applied.
         """
-        o, part = self.observations[i], plant if whole else plant.part(name)
+        o = self.observations[i]
+        part = plant.part(name) if o.additive and not whole else plant
         needed = o.needed(part, self._memory_of(part, x, i), grid)
         return o.applied(plant, self.skew(x)) - needed if drives else -needed
 

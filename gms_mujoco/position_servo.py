@@ -181,6 +181,8 @@ class ServoObservation:
     has_memory = False  # a run begins at rest, and friction forgets where it stood once it slips
     skews = False  # a delay is an effect of its own here
 
+    additive = False  # each effect acts on the motion that all of them make
+
     @property
     def name(self) -> str:
         return self.run.name
@@ -246,6 +248,14 @@ class ServoObservation:
 
     def grid(self, plant: Plant, memory: Array | None = None) -> None:
         """None: nothing is replayed."""
+
+    @property
+    def samples(self) -> None:
+        """None."""
+
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, None]:
+        """What `needed` says."""
+        return self.needed(plant), None
 
     def applied(self, plant: Plant, skew: float = 0.0) -> Array:
         """(n,) measured position [rad]."""
