@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -162,6 +163,20 @@ class Misfit:
     def cost(self, x: Array) -> float:
         """Squared residual [N^2 m^2]."""
         return squared(self.residual(x))
+
+    def delivered(self, x: Array) -> float:
+        """Share of the commanded torque's variance that the drive of the plant at `x` delivers, at most 1.
+
+        A drive that delivers less leaves less to explain, at a limit of zero nothing: squared residuals of plants with
+        different drives are compared after division by it.
+        """
+        plant = self._plant(x)
+        if not plant.drive:
+            return 1.0
+        undriven = replace(plant, effects=tuple(e for e in plant.effects if e not in plant.drive))
+        powers = [(np.var(o.applied(plant)), np.var(o.applied(undriven))) for o in self.observations]
+        delivered, commanded = np.sum(powers, 0)
+        return float(np.clip(delivered / commanded, 1e-9, 1.0)) if commanded > 0 else 1.0
 
     def _plant(self, x: Array) -> Plant:
         return self.coordinates.decode(x[: self.coordinates.size])

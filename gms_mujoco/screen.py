@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,9 @@ FOLDS = 5
 _ORDERS = 48  # harmonics tried per revolution
 _FINER = (1.41, 1.19)  # factors between the values of a grid
 _RESONANCES = 10  # frequencies tried over the range of responses
+_TOGETHER = 6  # harmonics that may be added at once
+_STANDS_OUT = 0.2  # of what the others leave of the squared residual, which one more must take
+_MOSTLY = 0.5  # of the squared residual, which several together must not leave
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -63,17 +66,20 @@ class _Best:
     weak: tuple[float, Effect, Array] | None = None
     strong: tuple[float, Effect, Array] | None = None
     shape: dict[str, float] | None = None  # of the best by its tangents
+    tried: list[tuple[dict[str, float], list[tuple[str, float]], Array, Array]] = field(default_factory=list)
     out_of_bounds: Effect | None = None
 
 
 def joined(plant: Plant, effect: Effect) -> Plant:
     """The plant with an effect added, or with its elements added to those that the plant has of it."""
-    if effect.name not in plant:
-        return plant + effect
-    known = plant[effect.name]
-    own = {p.name for p in effect.parameters if p.per_element}
-    more = {k: (*np.atleast_1d(v), *np.atleast_1d(effect.values[k])) for k, v in known.values.items() if k in own}
-    return plant.replace(known.replace(**more))
+    return plant.replace(_merged(plant[effect.name], effect)) if effect.name in plant else plant + effect
+
+
+def _merged(one: Effect, other: Effect) -> Effect:
+    """An effect with the elements of both."""
+    own = {p.name for p in one.parameters if p.per_element}
+    more = {k: (*np.atleast_1d(v), *np.atleast_1d(other.values[k])) for k, v in one.values.items() if k in own}
+    return one.replace(**more)
 
 
 def grows(effect: type[Effect]) -> bool:
@@ -98,7 +104,8 @@ class Screen:
         self.scales = Scales.of(misfit.observations)
         self.model = LinearModel(misfit, vector, self.residual)
         self._left = float(self.model.residual @ self.model.residual)
-        self.held_out = self.model.held_out()
+        self._delivered = misfit.delivered(vector)
+        self.held_out = self.model.held_out() / self._delivered
 
     def candidate(self, effect: type[Effect]) -> Candidate | None:
         """The best way to add an effect; None where the data cannot show it (no motion, signal missing).
@@ -121,10 +128,43 @@ class Screen:
         if best.weak is None and best.strong is None:
             # It can be seen, but every strength that is allowed makes things worse.
             return Candidate(best.out_of_bounds, 0.0, self.held_out) if best.out_of_bounds else None
+        if best.weak is not None and grows(effect):
+            best.weak = self._series(best, effect)
         gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
-        share = gain / max(self._left, 1e-300)
+        share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
-        return Candidate(started, share, self.model.held_out(columns), strong)
+        held_out = self.model.held_out(columns) / (self._delivered * self._kept(started))
+        return Candidate(started, share, held_out, strong)
+
+    def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
+        """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.
+
+        With one of many a model is hardly better than with none, and where the others act it is worse.
+        """
+        assert best.shape is not None and best.weak is not None
+        shape = best.shape
+        chosen = [next(t for t in best.tried if t[0] == shape)]
+        others = [t for t in best.tried if t[0] != shape]
+        while True:
+            basis = linalg.orth(np.column_stack([free for *_, free in chosen]))
+            left = self.model.target - basis @ (basis.T @ self.model.target)
+            if not others or len(chosen) == _TOGETHER:
+                break
+            gains = [_projected(free - basis @ (basis.T @ free), left) for *_, free in others]
+            k = int(np.argmax(gains))
+            if gains[k] < _STANDS_OUT * float(left @ left):
+                break
+            chosen.append(others.pop(k))
+        if len(chosen) == 1 or float(left @ left) > _MOSTLY * self._left:
+            return best.weak
+        free, columns = np.column_stack([t[3] for t in chosen]), np.column_stack([t[2] for t in chosen])
+        strength = -_least_squares(free, self.model.target, (free**2).sum(0) > 0)
+        found: Effect | None = None
+        for (of, names, _, _), pair in zip(chosen, strength.reshape(len(chosen), -1), strict=True):
+            one = _started(effect, of, names, pair, self.scales)
+            found = one if found is None else _merged(found, one)
+        assert found is not None
+        return (self._left - float(left @ left), found, columns)
 
     def _try(self, best: _Best, effect: type[Effect], shape: dict[str, float]) -> None:
         """Scores an effect with one choice of its other parameters; `best` keeps it where it is better."""
@@ -144,12 +184,14 @@ class Screen:
         started = _started(effect, shape, names, -strength, self.scales)
         best.out_of_bounds = best.out_of_bounds or started
         if seen.any():
-            gain = self._gain(free @ strength)
+            if grows(effect):
+                best.tried.append((shape, names, columns, free))
+            gain = self._compared(self._gain(free @ strength), started)
             if best.weak is None or gain > best.weak[0]:
                 best.weak, best.shape = (gain, started, columns[:, seen]), shape
         for trial in _strong(effect, shape, self.scales):
             change = self._change(trial)[:, None]
-            gain = self._gain(-self.model.without(change)[:, 0])
+            gain = self._compared(self._gain(-self.model.without(change)[:, 0]), trial)
             if np.isfinite(gain) and (best.strong is None or gain > best.strong[0]):
                 best.strong = gain, trial, change
 
@@ -167,6 +209,17 @@ class Screen:
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
         return squared(self.model.target) - squared(self.model.target - fitted)
+
+    def _kept(self, effect: Effect) -> float:
+        """Share of what the drive of the plant delivers that it still delivers with one effect more."""
+        if type(effect).deliver is Effect.deliver:
+            return 1.0
+        moved = Misfit(joined(self.plant, effect), self.misfit.observations)
+        return moved.delivered(moved.vector(joined(self.plant, effect))) / self._delivered
+
+    def _compared(self, gain: float, effect: Effect) -> float:
+        """The gain when what is left is compared with what the drive then delivers."""
+        return self._left - (self._left - gain) / self._kept(effect)
 
     def _change(self, effect: Effect) -> Array:
         """(m,) what adding the effect does to the residual while everything else stays."""
@@ -316,6 +369,13 @@ def _started(
     return _valued(effect, {**shape, **phase}, found)
 
 
+def _projected(columns: Array, target: Array) -> float:
+    """Squared length of the target's part that lies in the span of columns (m, k)."""
+    found = _least_squares(columns, target, (columns**2).sum(0) > 0)
+    fitted = columns @ found
+    return float(2 * fitted @ target - fitted @ fitted)
+
+
 def _least_squares(columns: Array, target: Array, seen: NDArray[np.bool_]) -> Array:
     """Coefficients of `target` on the columns that are seen, zero for the others."""
     out = np.zeros(columns.shape[1])
@@ -397,7 +457,8 @@ def determined(misfit: Misfit) -> NDArray[np.bool_]:
 def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> Array:
     """(blocks,) squared residual of each block of time, left by a refit without the blocks of its fold.
 
-    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see.
+    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. It is
+    divided by the share of the command that the drive delivers, see `Misfit.delivered`.
 
     Args:
         misfit, vector: a problem and its solution.
@@ -419,7 +480,7 @@ def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None
             if seen < best:
                 best, chosen = seen, squares
         out[blocks] = chosen[blocks]
-    return out
+    return out / misfit.delivered(vector)
 
 
 def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
