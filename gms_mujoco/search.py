@@ -24,9 +24,6 @@ MOST_EFFECTS = 4  # added in a row
 FALSE_DISCOVERY_RATE = 0.01
 # An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
 LEAST_SHARE = 0.2
-# One that is not told from another must take at least so much: what two unlike causes explain equally, and badly, has a
-# third.
-LEAST_SHARE_OF_EQUALS = 0.5
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 NOTHING_LEFT = 1.05  # times the squared error of noise: below it there is nothing that an effect could explain
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
@@ -135,15 +132,13 @@ class Search:
         equal = [t for t in earned if p_value(t[2], best[2]) > CONFUSABLE]
         name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
         confusable = tuple(t[0] for t in equal if t[0] != name)
-        if confusable and not self._is_worth_it(result, held_out, LEAST_SHARE_OF_EQUALS):
-            return False
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
             self.steps[-1] = replace(self.steps[-1], result=result, held_out=held_out)
         else:
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
         return True
 
-    def _is_worth_it(self, result: FitResult, held_out: Array, share: float = LEAST_SHARE) -> bool:
+    def _is_worth_it(self, result: FitResult, held_out: Array) -> bool:
         """Whether an effect takes a good part of what noise does not explain.
 
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts.
@@ -152,7 +147,7 @@ class Search:
         floor = min(_floor(self.steps[-1].result), _floor(result))
         if before <= NOTHING_LEFT * floor:
             return False
-        return bool(before - held_out.sum() > max(share * (before - floor), LEAST_GAIN * before))
+        return bool(before - held_out.sum() > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
 
     def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
         """Lets the current plant keep what a trial found for it.
