@@ -15,7 +15,7 @@ from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import Progress, baseline, relative_error
+from .fit import FitResult, Progress, baseline, fit_observations, relative_error
 from .frf_observation import Seen
 from .intervals import block_sums
 from .inverse import Observation
@@ -27,6 +27,9 @@ from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
 from .undetermined import never_slips
 
 Array = NDArray[np.float64]
+
+_MUCH = 0.5  # of the squared error above the floor: another law of friction that leaves less than that is told
+
 
 @dataclass(frozen=True)
 class Rejected:
@@ -205,10 +208,10 @@ def diagnose(
 
 def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search) -> Diagnosis:
     last = steps[-1].result
-    at_floor = search.at_floor
+    at_floor = search.at_floor and _holds([s.comparison for s in steps if s.comparison is not None])
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
-    remainder = "" if at_floor else describe(last.misfit, last.vector)
+    remainder = "" if at_floor else ", ".join(filter(None, (describe(last.misfit, last.vector), _other_law(last))))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
     if confusable:
@@ -247,6 +250,34 @@ def _with_shapes(
         scored.append(Rejected(name, p, error))
         notes.append(f"{name}: takes {100 * gain:.0f} % of the squared error (p = {p:.1g} on held-out blocks)")
     return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
+
+
+def _holds(comparisons: Sequence[Comparison]) -> bool:
+    """Whether the last plant is as good on new records as those before it, or at the lowest of their floors.
+
+    What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to.
+    """
+    if len(comparisons) < 2:
+        return True
+    best = min(c.torque_error for c in comparisons[:-1])
+    return comparisons[-1].torque_error <= max(best, AT_FLOOR * min(c.noise_floor for c in comparisons))
+
+
+def _other_law(last: FitResult) -> str:
+    """What one bristle in the place of the Maxwell elements would leave, where that is much less; else nothing.
+
+    A friction without memory of its reversals is nothing that can be added to one with it, so no step tries it.
+    """
+    observations = last.misfit.observations
+    if "gms" not in last.plant or "lugre" in last.plant or not any(isinstance(o, Observation) for o in observations):
+        return ""
+    other = fit_observations(last.plant.without("gms") + effects.find("lugre")(), observations)
+    if other.error**2 - last.floor**2 > _MUCH * (last.error**2 - last.floor**2):
+        return ""
+    return (
+        f"friction is better described by lugre in the place of gms: {100 * other.error:.2f} % of the torque would be "
+        f"left instead of {100 * last.error:.2f} %"
+    )
 
 
 def _lowered(text: str) -> str:

@@ -30,7 +30,8 @@ AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is 
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
-_FINALISTS = 2  # of them, fitted to the end
+_FINALISTS = 2  # of them, that do something different, fitted to the end
+_SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
@@ -78,8 +79,11 @@ class Search:
 
     @property
     def at_floor(self) -> bool:
-        """Whether what the current plant leaves on held-out blocks is as good as noise."""
-        return bool(self.held_out.sum() <= AT_FLOOR**2 * _floor(self.steps[-1].result))
+        """Whether what the current plant leaves on held-out blocks is as good as noise.
+
+        Of noise as any plant on the way saw it: one that makes the sensors' noise louder is not excused by that.
+        """
+        return bool(self.held_out.sum() <= AT_FLOOR**2 * min(_floor(s.result) for s in self.steps))
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
@@ -103,7 +107,7 @@ class Search:
             rough.append((c.effect.name, *self._tried(current, c)))
         rough.sort(key=lambda t: _left(t[1], t[2]))
         trials: list[tuple[str, FitResult, Array]] = []
-        for i, (name, misfit, x) in enumerate(rough[:_FINALISTS]):
+        for i, (name, misfit, x) in enumerate(_finalists(current, rough)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
             if i == 0 and result.error > AT_FLOOR * result.floor:
@@ -213,6 +217,15 @@ def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
     if misfit.n_memory == result.misfit.n_memory:
         return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
     return misfit, misfit.vector(plant)
+
+
+def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
+    """The best of the rough fits, best first, and one more where the first two do the same to the residual."""
+    before = current.misfit.residual(current.vector)
+    changes = [before - misfit.residual(x) for _, misfit, x in rough[:_FINALISTS]]
+    sizes = [float(np.sqrt(c @ c)) for c in changes]
+    alike = len(changes) == _FINALISTS and float(changes[0] @ changes[1]) > _SAME * sizes[0] * sizes[1]
+    return list(rough[: _FINALISTS + alike])
 
 
 def _error(result: FitResult) -> float:

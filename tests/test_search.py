@@ -1,9 +1,13 @@
 """What the search accepts."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 from scipy import stats
 
-from gms_mujoco.search import FALSE_DISCOVERY_RATE, discoveries, p_value
+from gms_mujoco.search import FALSE_DISCOVERY_RATE, _finalists, discoveries, p_value
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
@@ -27,3 +31,15 @@ def test_blocks_that_say_nothing_do_not_count() -> None:
     before, after = np.array([2.0, 3.0, 2.5, 2.2]), np.array([1.0, 1.4, 1.3, 1.0])
     silent = np.zeros(20)
     assert p_value(np.append(before, silent), np.append(after, silent)) == p_value(before, after) < 1e-3
+
+
+@pytest.mark.parametrize(("second", "taken"), [((1.0, 0.1), 3), ((0.1, 1.0), 2)], ids=["alike", "different"])
+def test_two_finalists_that_do_the_same_make_room_for_a_third(second: tuple[float, float], taken: int) -> None:
+    def left(*residual: float) -> Any:
+        return SimpleNamespace(residual=lambda x: np.array(residual))
+
+    current: Any = SimpleNamespace(misfit=left(2.0, 2.0), vector=None)
+    rough = [("a", left(1.0, 2.0), np.empty(0)), ("b", left(*np.subtract(2.0, second)), np.empty(0)),
+             ("c", left(2.0, 1.5), np.empty(0))]  # fmt: skip
+    assert [name for name, *_ in _finalists(current, rough)] == ["a", "b", "c"][:taken]
+    assert _finalists(current, rough[:1]) == rough[:1]
