@@ -23,7 +23,7 @@ from .observe import observe
 from .plant import Plant
 from .remainder import describe
 from .screen import BLOCK, Screen
-from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
+from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
 from .undetermined import never_slips
 
 Array = NDArray[np.float64]
