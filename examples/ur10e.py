@@ -8,8 +8,9 @@ is the load, the torque that the gear transmits. The first 60 % of a log fit, th
 scored at the end. There joint 2 stops from full speed within 60 ms, which 100 Hz hardly resolve, so errors are printed
 up to 10 Hz, the most that the log carries, and up to 5 Hz.
 
-On joint 1 nothing but inertia loads the gear. There a load term lowers the error of the fit and raises the one on held
-out data: the last lines add it by force.
+On joint 1 nothing but inertia loads the gear, by 14 times more on the held-out part than on the fitted one. There a load
+term lowers the error of the fit and raises the one on held-out data. The diagnosis still takes it, and says that it does
+not explain the log.
 """
 
 import os
@@ -20,7 +21,6 @@ from pathlib import Path
 import numpy as np
 
 import gms_mujoco as gms
-from gms_mujoco import effects
 
 AXIS = """
 [axis]
@@ -66,11 +66,8 @@ def main() -> int:
         for step in found.steps:
             name = "inertia, GMS friction, viscous drag" if step.effect is None else f"+ {step.effect}"
             print(line(f"joint {joint}: {name}", step.result.plant, runs))
-        if joint == 1:
-            forced = found.plant + effects.find("load_dependent_friction")(coefficient=0.01)
-            plant = gms.fit(forced, runs.fit).plant
-            print(line("joint 1: + load_dependent_friction by force", plant, runs))
-        else:
+        print(f"         {found.verdict.replace('_', ' ')}")
+        if joint > 1 and "load_dependent_friction" in found.plant:
             table = found.plant.table("load_dependent_friction")["load_dependent_friction.coefficient"]
             print(f"         friction grows by {100 * float(str(table['value'])):.2f} % per N m transmitted")
     return 0

@@ -128,13 +128,18 @@ class Screen:
         if best.weak is None and best.strong is None:
             # It can be seen, but every strength that is allowed makes things worse.
             return Candidate(best.out_of_bounds, 0.0, self.held_out) if best.out_of_bounds else None
-        if best.weak is not None and grows(effect):
+        if best.weak is not None and grows(effect) and self._goes_round:
             best.weak = self._series(best, effect)
         gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
         share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
         held_out = self.model.held_out(columns) / (self._delivered * self._kept(started))
         return Candidate(started, share, held_out, strong)
+
+    @property
+    def _goes_round(self) -> bool:
+        """Whether a record turns once: on less, harmonics together are any curve over the position."""
+        return max(float(np.ptp(o.position)) for o in self.misfit.observations) >= 2 * math.pi
 
     def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
         """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.
