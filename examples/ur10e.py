@@ -8,9 +8,9 @@ is the load, the torque that the gear transmits. The first 60 % of a log fit, th
 scored at the end. There joint 2 stops from full speed within 60 ms, which 100 Hz hardly resolve, so errors are printed
 up to 10 Hz, the most that the log carries, and up to 5 Hz.
 
-On joint 1 nothing but inertia loads the gear, by 14 times more on the held-out part than on the fitted one. There a load
-term lowers the error of the fit and raises the one on held-out data. The diagnosis still takes it, and says that it does
-not explain the log.
+On joint 1 nothing but inertia loads the gear, 14 times more on the held-out part than on the fitted one. A load term
+lowers the error of the fit there and raises the one on held-out data. The diagnosis still takes it, and says that it
+does not explain the log.
 """
 
 import os
