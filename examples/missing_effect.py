@@ -14,7 +14,7 @@ import numpy as np
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import save
-from gms_mujoco.simulate import multisine
+from gms_mujoco.excitation import multisine
 
 SAMPLE_TIME = 1e-3  # s
 
