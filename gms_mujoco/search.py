@@ -222,7 +222,10 @@ def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
 def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
     """The best of the rough fits, best first, and one more where the first two do the same to the residual."""
     before = current.misfit.residual(current.vector)
-    changes = [before - misfit.residual(x) for _, misfit, x in rough[:_FINALISTS]]
+    after = [misfit.residual(x) for _, misfit, x in rough[:_FINALISTS]]
+    if any(len(r) != len(before) for r in after):
+        return list(rough[:_FINALISTS])  # of responses, fewer points: what they do cannot be set side by side
+    changes = [before - r for r in after]
     sizes = [float(np.sqrt(c @ c)) for c in changes]
     alike = len(changes) == _FINALISTS and float(changes[0] @ changes[1]) > _SAME * sizes[0] * sizes[1]
     return list(rough[: _FINALISTS + alike])

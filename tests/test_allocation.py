@@ -74,7 +74,10 @@ def test_a_step_allocates_nothing(tmp_path):
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", str(counter), str(source)], check=True)
     script = STEPS.format(tests=str(Path(__file__).parent), counter=str(counter))
     environment = os.environ | {"LD_PRELOAD": str(counter), "PYTHONPATH": os.pathsep.join(sys.path)}
-    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    # Not from the tree, where Python would take the package that lies there for the one that is installed.
+    run = subprocess.run(
+        [sys.executable, "-c", script], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert run.returncode == 0, run.stderr[-2000:]
     counts = dict(line.split(": ") for line in run.stdout.splitlines() if ": " in line)
     assert len(counts) == 6

@@ -41,14 +41,16 @@ def test_cogging_of_a_brushless_motor_is_found_with_its_harmonics(data: Path) ->
 
 
 def test_load_dependence_of_the_shoulder_of_a_ur10e_is_found(data: Path) -> None:
-    """With it the current error falls from 0.261 / 0.419 A to 0.119 / 0.300 A on fitted / held-out data."""
+    """With it the current error falls from 0.261 / 0.419 A to 0.119 / 0.300 A on fitted / held-out data.
+
+    In which band is not said. Up to 10 Hz, the most that the log carries, 0.120 / 0.37 A are left.
+    """
     runs = ur10e.load(_folder(data, "ur10e"), 2)
     assert "torque stays in A" in " ".join(runs.notes)
     found = gms.diagnose(runs)
     assert [e.name for e in found][:2] == ["gravity", "load_dependent_friction"]
     before, after = (ur10e.errors(s.result.plant, runs, 5.0) for s in found.steps[1:3])
     assert after[0] < 0.119 < before[0] and after[1] < 0.300 < before[1]
-    assert round(ur10e.errors(found.plant, runs, 10.0)[0], 3) <= 0.119, "to the three digits of the figure"
 
 
 @pytest.mark.xfail(
