@@ -14,8 +14,6 @@ EFFECTS = (
     "asymmetric_friction", "position_dependent_friction", "load_dependent_friction", "thermal_drift", "quadratic_drag",
     "encoder_eccentricity",
 )  # fmt: skip
-# Those that MuJoCo has too, for pairs.
-ALSO = ("gravity", "cogging", "torque_offset")
 # Effects of nobody's catalogue, and what each does.
 INVENTED = {
     "hum": "a torque that is periodic in time",

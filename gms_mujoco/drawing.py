@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from .figure import Band, Curve, decades, prefixed, span, spread, thin, ticks
+from .figure import Band, Curve, decades, largest, placed, prefixed, span, spread, thin, ticks
 
 Array = NDArray[np.float64]
 
@@ -40,19 +40,19 @@ def draw(
 
     `ENTITY/data/NAME` has the numbers themselves, as (n, 2) points in the units that were given.
     """
-    x_scale, x_unit = prefixed(max((float(np.max(np.abs(c.x))) for c in curves), default=0.0), x_unit)
-    y_scale, y_unit = prefixed(max((float(np.max(np.abs(c.y))) for c in curves), default=0.0), y_unit)
-    x0, x1 = span([_at(c.x, x_scale, log[0]) for c in curves])
-    ys = [_at(c.y, y_scale, log[1]) for c in curves]
+    x_scale, x_unit = prefixed(largest([c.x for c in curves]), x_unit)
+    y_scale, y_unit = prefixed(largest([c.y for c in curves]), y_unit)
+    x0, x1 = span([placed(c.x, x_scale, log[0]) for c in curves])
+    ys = [placed(c.y, y_scale, log[1]) for c in curves]
     if not log[1]:
-        ys += [_at(v, y_scale, False) for b in bands for v in (b.low, b.high)]
+        ys += [placed(v, y_scale, False) for b in bands for v in (b.low, b.high)]
         ys += [np.zeros(1)] if any(c.style == "stems" for c in curves) else []
     y0, y1 = span(ys)
 
     def box(x: Array, y: Array) -> Array:
         """(n, 2) points of the box; rerun's y points down."""
-        across = (_at(x, x_scale, log[0]) - x0) / (x1 - x0) * BOX[0]
-        up = (np.clip(_at(y, y_scale, log[1]), y0, y1) - y0) / (y1 - y0) * BOX[1]
+        across = (placed(x, x_scale, log[0]) - x0) / (x1 - x0) * BOX[0]
+        up = (np.clip(placed(y, y_scale, log[1]), y0, y1) - y0) / (y1 - y0) * BOX[1]
         return np.column_stack([across, BOX[1] - up])
 
     for k, b in enumerate(bands):
@@ -138,10 +138,6 @@ def _axes(
 
 def _number(value: float, logarithmic: bool) -> str:
     return f"{10**value:.3g}" if logarithmic else f"{value:.6g}"
-
-
-def _at(v: Array, scale: float, logarithmic: bool) -> Array:
-    return np.log10(np.maximum(v / scale, 1e-300)) if logarithmic else np.asarray(v) / scale
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -55,15 +55,11 @@ def plot(
 ) -> str:
     """An SVG figure of curves over common axes, in units with a prefix where that makes the numbers short."""
     curves = [c for c in curves if len(c.x)]
-    x_scale, x_unit = prefixed(_largest([c.x for c in curves]), x_unit)
-    y_scale, y_unit = prefixed(_largest([c.y for c in curves]), y_unit)
-
-    def at(v: Array, scale: float, logarithmic: bool) -> Array:
-        return np.log10(np.maximum(v / scale, 1e-300)) if logarithmic else v / scale
-
-    xs = [at(c.x, x_scale, log[0]) for c in curves]
-    ys = [at(c.y, y_scale, log[1]) for c in curves]
-    edges = [(at(b.x, x_scale, log[0]), at(b.low, y_scale, log[1]), at(b.high, y_scale, log[1])) for b in bands]
+    x_scale, x_unit = prefixed(largest([c.x for c in curves]), x_unit)
+    y_scale, y_unit = prefixed(largest([c.y for c in curves]), y_unit)
+    xs = [placed(c.x, x_scale, log[0]) for c in curves]
+    ys = [placed(c.y, y_scale, log[1]) for c in curves]
+    edges = [(placed(b.x, x_scale, log[0]), placed(b.low, y_scale, log[1]), placed(b.high, y_scale, log[1])) for b in bands]
     zero = [np.zeros(1)] if not log[1] and any(c.style == "stems" for c in curves) else []
     x0, x1 = span(xs)
     y0, y1 = span([*ys, *zero, *([e for _, low, high in edges for e in (low, high)] if not log[1] else [])])
@@ -172,7 +168,13 @@ def span(values: Sequence[Array]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _largest(values: Sequence[Array]) -> float:
+def placed(v: Array, scale: float, logarithmic: bool) -> Array:
+    """Where values stand on an axis in units of `scale`: themselves or their decimal logarithm."""
+    return np.log10(np.maximum(v / scale, 1e-300)) if logarithmic else np.asarray(v) / scale
+
+
+def largest(values: Sequence[Array]) -> float:
+    """The largest size among arrays, of which some may be empty; 0 where all are."""
     return max((float(np.max(np.abs(v))) for v in values if len(v)), default=0.0)
 
 

@@ -42,6 +42,7 @@ class FitResult:
         status: what was found, and a sentence on friction elements that never slipped.
         misfit, vector: the least-squares problem and its solution.
         noise: of the sensors, from which the floor follows.
+        floor_rows: (m,) residual that sensor noise alone leaves, one draw, over all observations [N m].
     """
 
     plant: Plant
@@ -51,6 +52,7 @@ class FitResult:
     misfit: Misfit
     vector: Array
     noise: Noise
+    floor_rows: Array
 
     @property
     def undetermined(self) -> dict[str, str]:
@@ -183,9 +185,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     assert plant.inertia is not None
     noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
     rng = np.random.default_rng(0)
-    floor = relative_error(
-        [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)], applied
-    )
+    floor_rows = [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)]
+    floor = relative_error(floor_rows, applied)
     intervals = misfit.coordinates.intervals(x[:n], covariance(misfit, x)[:n, :n])
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
@@ -206,4 +207,4 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     )
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
-    return FitResult(plant, error, floor, status, misfit, x, noise)
+    return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))

@@ -32,7 +32,7 @@ from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .screen import Screen, applicable, cross_validated, is_present
-from .search import CONFUSABLE, FALSE_DISCOVERY_RATE, p_value
+from .search import FALSE_DISCOVERY_RATE, p_value, simplest
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -376,14 +376,12 @@ def explain(
         if not earned:
             steps[-1] = replace(steps[-1], rejected=tuple(p_values.items()))
             break
-        # Of those that are as good as the best the one with the fewest free parameters, as in diagnose.
-        best = min(earned, key=_left)
-        equal = [t for t in earned if p_value(t.held_out, best.held_out) > CONFUSABLE]
-        chosen = min(equal, key=lambda t: (t.misfit.size, _left(t)))
+        at, others = simplest([t.held_out for t in earned], [t.misfit.size for t in earned])
+        chosen = earned[at]
         name, misfit = chosen.effect, chosen.misfit
         report(done + 0.9 / most, f"refitting with {name}")
         x = solve(misfit, chosen.vector)
-        confusable = tuple(t.effect for t in equal if t is not chosen)
+        confusable = tuple(earned[i].effect for i in others)
         steps.append(_step(name, misfit, x, runs, p_values[name], confusable))
     report(1.0, "done")
     return tuple(steps)

@@ -14,7 +14,6 @@ from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .least_squares import nudge
 from .misfit import Misfit
-from .noise import floor_residual
 from .plant import Plant
 from .screen import Candidate, Screen, applicable, cross_validated, determined, is_present, joined
 
@@ -33,7 +32,7 @@ _POINTS = 80  # of frequency responses that contenders are fitted to
 _FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
-CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 
 @dataclass(frozen=True)
@@ -131,11 +130,9 @@ class Search:
         ]
         if not earned:
             return False
-        # Of those that are as good as the best the one with the fewest free parameters.
-        best = min(earned, key=lambda t: t[2].sum())
-        equal = [t for t in earned if p_value(t[2], best[2]) > CONFUSABLE]
-        name, result, held_out = min(equal, key=lambda t: (t[1].misfit.coordinates.size, t[2].sum()))
-        confusable = tuple(t[0] for t in equal if t[0] != name)
+        chosen, others = simplest([t[2] for t in earned], [t[1].misfit.coordinates.size for t in earned])
+        name, result, held_out = earned[chosen]
+        confusable = tuple(earned[i][0] for i in others)
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
             self.steps[-1] = replace(self.steps[-1], result=result, held_out=held_out)
         else:
@@ -242,12 +239,8 @@ def _left(misfit: Misfit, vector: Array) -> float:
 
 def _floor(result: FitResult) -> float:
     """The same that sensor noise alone would leave [N^2 m^2]."""
-    rng, misfit = np.random.default_rng(0), result.misfit
-    parts = [
-        floor_residual(o, result.plant, misfit.memory(result.vector, i), result.noise, rng)
-        for i, o in enumerate(misfit.observations)
-    ]
-    return float(np.sum(np.concatenate(parts)[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
+    misfit = result.misfit
+    return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
 
 
 def p_value(before: Array, after: Array) -> float:
@@ -261,6 +254,19 @@ def p_value(before: Array, after: Array) -> float:
     if len(fall) < 3 or not np.any(np.abs(fall) > 1e-9):
         return 1.0
     return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
+
+
+def simplest(held_out: Sequence[Array], sizes: Sequence[int]) -> tuple[int, list[int]]:
+    """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
+
+    Args:
+        held_out: (blocks,) squared residuals that each leaves.
+        sizes: free parameters of each.
+    """
+    best = min(held_out, key=lambda h: float(h.sum()))
+    equal = [i for i, h in enumerate(held_out) if p_value(h, best) > _CONFUSABLE]
+    chosen = min(equal, key=lambda i: (sizes[i], float(held_out[i].sum())))
+    return chosen, [i for i in equal if i != chosen]
 
 
 def discoveries(p_values: dict[str, float]) -> set[str]:
