@@ -31,6 +31,7 @@ from .hensen import LuGreReading, identify_lugre
 from .parameter import Parameter
 from .plant import Plant
 from .record import Record
+from .sampling import sample
 from .simulate import simulate
 from .sweep import stepped_sine
 from .version import __version__
@@ -68,6 +69,7 @@ __all__ = [
     "load",
     "measure",
     "remove_callback",
+    "sample",
     "simulate",
     "stepped_sine",
 ]

@@ -86,13 +86,15 @@ class Coordinates:
     Args:
         template: fixes which effects there are and how many elements they have.
         fixed: names "effect.parameter" (or "inertia") to leave as they are.
+        free_only: leave out what no fit moves unasked.
     """
 
-    def __init__(self, template: Plant, fixed: Collection[str] = ()) -> None:
+    def __init__(self, template: Plant, fixed: Collection[str] = (), free_only: bool = True) -> None:
         self.template = template
         blocks = [] if template.inertia_known else [_Block("", _INERTIA, 1)]
         for e in template.effects:
-            blocks += [_Block(e.name, p, e.elements if p.per_element else 1) for p in e.parameters if p.free]
+            chosen = [p for p in e.parameters if p.free or not free_only]
+            blocks += [_Block(e.name, p, e.elements if p.per_element else 1) for p in chosen]
         self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]
         self.size = sum(b.size for b in self.blocks)
 

@@ -166,6 +166,16 @@ class Effect:
             joint: name of a hinge or slide joint that exists.
         """
 
+    @classmethod
+    def found(cls, spec: mujoco.MjSpec, joint: str) -> Self | None:
+        """What `edit` would have had to be called on to leave `joint` as it is; None where nothing of it is there.
+
+        Args:
+            spec: a model, left as it is.
+            joint: name of a hinge or slide joint that exists.
+        """
+        return None
+
 
 def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:
     if value is None:

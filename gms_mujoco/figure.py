@@ -59,7 +59,9 @@ def plot(
     y_scale, y_unit = prefixed(largest([c.y for c in curves]), y_unit)
     xs = [placed(c.x, x_scale, log[0]) for c in curves]
     ys = [placed(c.y, y_scale, log[1]) for c in curves]
-    edges = [(placed(b.x, x_scale, log[0]), placed(b.low, y_scale, log[1]), placed(b.high, y_scale, log[1])) for b in bands]
+    edges = [
+        (placed(b.x, x_scale, log[0]), placed(b.low, y_scale, log[1]), placed(b.high, y_scale, log[1])) for b in bands
+    ]
     zero = [np.zeros(1)] if not log[1] and any(c.style == "stems" for c in curves) else []
     x0, x1 = span(xs)
     y0, y1 = span([*ys, *zero, *([e for _, low, high in edges for e in (low, high)] if not log[1] else [])])

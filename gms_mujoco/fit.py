@@ -187,7 +187,9 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     rng = np.random.default_rng(0)
     floor_rows = [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)]
     floor = relative_error(floor_rows, applied)
-    intervals = misfit.coordinates.intervals(x[:n], covariance(misfit, x)[:n, :n])
+    scatter = covariance(misfit, x)[:n, :n]
+    intervals = misfit.coordinates.intervals(x[:n], scatter)
+    together = dict(zip(misfit.coordinates.labels, map(tuple, scatter.tolist()), strict=True))
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
         "records": [o.name for o in observations],
@@ -197,7 +199,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "clock_skew": misfit.skew(x),
         "version": f"gms_mujoco {__version__}",
     }
-    plant = replace(plant, uncertainty=intervals)
+    plant = replace(plant, uncertainty=intervals, covariance=together)
     if missing := undetermined(plant):
         provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
     plant = replace(plant, provenance=provenance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -38,6 +39,8 @@ class Plant:
         uncertainty: 95 % interval of each identified parameter by its name "effect.parameter" (or
             "effect.parameter[i]", "inertia").
         provenance: from which data and with which version the parameters come.
+        covariance: rows of the covariance of a fit by name, a symmetric matrix in the order of the names; of
+            logarithms where a parameter has no natural zero, see `Coordinates`. It says how parameters go together.
     """
 
     inertia: float | None
@@ -46,6 +49,7 @@ class Plant:
     inertia_known: bool = True
     uncertainty: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
     provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    covariance: Mapping[str, tuple[float, ...]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_KINDS:
@@ -180,6 +184,20 @@ class Plant:
         names = [e.name for e in self.effects if e.is_native]
         return {n: slice(a, b) for n, (a, b) in zip(names, itertools.pairwise(ends), strict=True)}
 
+    @classmethod
+    def from_mjcf(cls, model: mujoco.MjSpec | str | os.PathLike[str], joint: str) -> Plant:
+        """The friction that a joint of a MuJoCo model has; see `gms_mujoco.mjcf.plant_of_joint`."""
+        from .mjcf import plant_of_joint
+
+        return plant_of_joint(model, joint)
+
+    @classmethod
+    def from_bam(cls, path: str | os.PathLike[str]) -> Plant:
+        """A parameter file of Rhoban's BAM; see `gms_mujoco.bam.read_plant`."""
+        from .bam import read_plant
+
+        return read_plant(path)
+
     def attach(self, spec: mujoco.MjSpec, joint: str | Iterable[str]) -> None:
         """Puts the effects of this plant on joints of a MuJoCo model; see `gms_mujoco.attach`."""
         from .engine import attach
@@ -209,6 +227,9 @@ class Plant:
         if self.uncertainty:
             lines += ["", "[uncertainty]  # 95 % intervals"]
             lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in self.uncertainty.items()]
+        if self.covariance:
+            lines += ["", "[covariance]  # of logarithms where values are positive, of log-ratios of shares"]
+            lines += [f'"{k}" = [{", ".join(f"{x:.6g}" for x in row)}]' for k, row in self.covariance.items()]
         if self.provenance:
             lines += ["", "[provenance]"]
             lines += [f"{k} = {_toml_value(v)}" for k, v in self.provenance.items()]
@@ -241,7 +262,7 @@ class Plant:
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> Plant:
         """A plant from the contents of `model.toml`."""
-        _only(table, ("axis", "effects", "uncertainty", "provenance"), "table")
+        _only(table, ("axis", "effects", "uncertainty", "covariance", "provenance"), "table")
         axis = _table(table, "axis")
         _only(axis, ("inertia", "kind", "inertia_known"), "key in [axis]")
         inertia = axis.get("inertia")
@@ -267,6 +288,7 @@ class Plant:
             bool(axis.get("inertia_known", inertia is not None)),
             {k: _interval(k, v) for k, v in _table(table, "uncertainty").items()},
             dict(_table(table, "provenance")),
+            _covariance(_table(table, "covariance")),
         )
 
 
@@ -294,6 +316,17 @@ def _interval(key: str, value: Any) -> tuple[float, float]:
         return float(low), float(high)
     except (TypeError, ValueError):
         raise ModelError(f"uncertainty.{key} must be an interval [low, high]; {value!r} given") from None
+
+
+def _covariance(table: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    try:
+        rows = {k: tuple(float(x) for x in row) for k, row in table.items()}
+        matrix = np.array(list(rows.values()), float).reshape(len(rows), len(rows))
+    except (TypeError, ValueError):
+        raise ModelError(f"covariance must have {len(table)} numbers in each of its {len(table)} rows") from None
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-4) or (np.diag(matrix) < 0).any():
+        raise ModelError("covariance must be a symmetric matrix of finite numbers, none on its diagonal below 0")
+    return rows
 
 
 def _toml_value(value: Any) -> str:

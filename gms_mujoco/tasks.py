@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from . import effects
 from .errors import ModelError, listing
 from .plant import Plant
+from .sampling import sample
 
 Array = NDArray[np.float64]
 
@@ -178,8 +178,8 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
     every other parameter with a unit its own; shares and exponents stay. A factor is log-uniform in
     [1/spread, spread]; of held-out friction it lies outside: in [spread, spread^2] or [1/spread^2, 1/spread].
 
-    With "uncertainty", each friction parameter that has a 95 % interval is normal around its middle, cut at its ends;
-    of held-out friction it lies outside, up to an interval's half width further. Shares sum to 1 again.
+    With "uncertainty", friction is drawn from what the data of a fit allow, see `sample`; held-out friction lies
+    outside, up to an interval's half width further.
 
     Args:
         plant: the middle of the distribution.
@@ -191,7 +191,7 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
         ModelError: the spread is neither, or no friction parameter of the plant has an interval.
     """
     if spread == "uncertainty":
-        return _within_intervals(plant, rng, held_out)
+        return sample(plant, 1, rng, kinds=("friction",), outside=held_out)[0]
     if isinstance(spread, str) or not 1 <= spread < math.inf:
         raise ModelError(f"spread must be at least 1, or 'uncertainty'; {spread!r} given")
     size = float(spread)
@@ -209,35 +209,6 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
                 f = common[p.unit] if p.unit in common else factor()
                 changed[p.name] = np.clip(np.asarray(e.values[p.name]) * f, p.lower, p.upper)
         built.append(e.replace(**changed) if changed and spread != 1 else e)
-    return replace(plant, effects=tuple(built))
-
-
-def _within_intervals(plant: Plant, rng: np.random.Generator, held_out: bool) -> Plant:
-    def drawn(low: float, high: float) -> float:
-        z = float(ndtri(rng.uniform(0.025, 0.975))) / 1.96  # in [-1, 1]
-        return (low + high) / 2 + (high - low) / 2 * (z + math.copysign(1, z) if held_out else z)
-
-    built, n_drawn = [], 0
-    for e in plant.effects:
-        changed: dict[str, Array] = {}
-        for p in e.parameters if e.kind == "friction" else ():
-            value = np.array(e.values[p.name], float)
-            for i in range(value.size):
-                name = f"{e.name}.{p.name}" + (f"[{i}]" if value.size > 1 else "")
-                if name in plant.uncertainty:
-                    value.flat[i] = np.clip(drawn(*plant.uncertainty[name]), p.lower, p.upper)
-                    n_drawn += 1
-            if p.share:
-                value = value / value.sum()
-            changed[p.name] = value
-        for p in e.parameters if changed else ():
-            if p.at_least:
-                changed[p.name] = np.maximum(changed[p.name], changed[p.at_least])
-        built.append(e.replace(**changed) if changed else e)
-    if not n_drawn:
-        raise ModelError(
-            "spread='uncertainty' needs a plant whose friction has 95 % intervals, as a fit writes them; none has one"
-        )
     return replace(plant, effects=tuple(built))
 
 

@@ -309,7 +309,8 @@ def test_friction_may_be_drawn_from_the_intervals_of_a_fit():
     assert all(g.static >= g.coulomb and sum(g.fraction) == pytest.approx(1) for g in drawn)
     assert all(g.stiffness == plant["gms"].stiffness for g in drawn), "what has no interval stays"
     outside = [scatter(plant, rng, "uncertainty", held_out=True)["gms"].coulomb for _ in range(60)]
-    assert all(not 4e-3 < x < 5e-3 and 3.5e-3 <= x <= 5.5e-3 for x in outside)
+    further = math.sqrt(5 / 4)  # half the interval, in logarithms
+    assert all(not 4e-3 < x < 5e-3 and 4e-3 / further <= x <= 5e-3 * further for x in outside)
     env = gym.make(IDS[0], plant=plant, spread="uncertainty").unwrapped
     env.reset(seed=0)
     assert 4e-3 <= env.plant["gms"].coulomb <= 5e-3

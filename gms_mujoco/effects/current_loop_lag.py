@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,3 +69,17 @@ class CurrentLoopLag(Effect):
             a.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
             a.dynprm[0] = lag
             a.actearly = True  # without, a lag of nothing would still be a time step
+
+    @classmethod
+    def found(cls, spec: mujoco.MjSpec, joint: str) -> Self | None:
+        """The slowest first-order filter of a motor of the joint."""
+        import mujoco
+
+        filters = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+        motors = (
+            a
+            for a in spec.actuators
+            if a.target == joint and a.dyntype in filters and a.biastype == mujoco.mjtBias.mjBIAS_NONE
+        )
+        lag = max((float(a.dynprm[0]) for a in motors), default=0.0)
+        return cls(time=lag) if lag > 0 else None

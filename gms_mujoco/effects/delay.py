@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,3 +69,9 @@ class Delay(Effect):
             a.delay = time
             a.interp = 1  # between two samples of the command: the mean over the time step
             a.nsample = max(a.nsample, math.ceil(time / step) + 1)
+
+    @classmethod
+    def found(cls, spec: mujoco.MjSpec, joint: str) -> Self | None:
+        """The longest delay of the actuators of the joint."""
+        time = max((a.delay for a in spec.actuators if a.target == joint), default=0.0)
+        return cls(time=time) if time > 0 else None

@@ -45,7 +45,7 @@ const gms::Effect gms_effect_lugre = {
      {"coulomb", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fc, level at high velocity"},
      {"static", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fs, level at zero velocity", false, "coulomb"},
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
-     {"stribeck_exponent", "1", 2.0, 0.1, 4, false, false, "delta, shape of the weakening"}},
+     {"stribeck_exponent", "1", 2.0, 0.1, 10, false, false, "delta, shape of the weakening"}},
     n_state,
     n_memory,
     recall,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,3 +42,11 @@ class TorqueSaturation(Effect):
             low, high = max(low, j.actfrcrange[0]), min(high, j.actfrcrange[1])
         j.actfrclimited = 1
         j.actfrcrange = [low, high]
+
+    @classmethod
+    def found(cls, spec: mujoco.MjSpec, joint: str) -> Self | None:
+        """The limit of the actuator forces on the joint, where it is the same either way."""
+        j = spec.joint(joint)
+        low, high = j.actfrcrange
+        limited = j.actfrclimited == 1 or (j.actfrclimited == 2 and low < high)
+        return cls(limit=high) if limited and low == -high else None
