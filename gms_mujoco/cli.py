@@ -26,6 +26,8 @@ from .record import USES
 from .version import __version__
 
 if TYPE_CHECKING:
+    import mujoco
+
     from .compare import Comparison
     from .dahl_resonance import DahlReading
     from .diagnose import Diagnosis
@@ -144,13 +146,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--generations", type=int, default=30, metavar="N", help="default: 30")
     sub.add_argument("--bandwidth", type=float, default=50.0, metavar="HZ", help="of the PID (default: 50)")
 
-    sub = command("view", _view, "open a recording, or let a MuJoCo model go and look at its friction",
+    sub = command("view", _view, "open a recording, draw the friction of a plant, or let a MuJoCo model go and look",
                   "view robot_with_friction.xml --seconds 5")
-    sub.add_argument("path", metavar="PATH", help="a .rrd file, the folder that diagnose, demo or train wrote, or an "
-                     "MJCF model, which is let go where it begins")
+    sub.add_argument("path", metavar="PATH", help="a .rrd file; the folder that diagnose, demo or train wrote; a "
+                     "model.toml or a plant by name, whose curves are drawn; or an MJCF model, which is let go where "
+                     "it begins")
     sub.add_argument("--screenshot", metavar="OUT.png", help="write a picture instead of opening a window")
     sub.add_argument("--seconds", type=float, default=3.0, metavar="S", help="of a model's motion (default: 3)")
-    sub.add_argument("-o", "--output", metavar="OUT.rrd", help="keep the recording of a model's motion here")
+    sub.add_argument("-o", "--output", metavar="OUT.rrd", help="keep the recording of a model here")
     return parser
 
 
@@ -329,28 +332,36 @@ def _train(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> None:
-    from .view import open_recording, record_motion
+    from .view import open_recording, record_motion, write_portrait
 
     picture = files.expect_writable(options.screenshot) if options.screenshot else None
     output = files.expect_writable(options.output) if options.output else None
-    if Path(options.path).suffix.lower() != ".xml":
+    path = Path(options.path)
+    kind = path.suffix.lower()
+    if kind not in (".xml", ".toml") and not (files.MODELS / f"{path}.toml").is_file():
         if output:
-            raise GmsError(f"-o keeps the motion of an MJCF model; {options.path} is none")
-        open_recording(options.path, picture)
+            raise GmsError(f"-o keeps the recording of an MJCF model or of a model.toml; {path} is neither")
+        open_recording(path, picture)
     else:
-        from .engine import spec_of
-
-        try:
-            model = spec_of(options.path).compile()
-        except ValueError as error:
-            raise ModelError(f"{options.path}: {error}") from None
         with tempfile.TemporaryDirectory() as folder:
-            recording = output or Path(folder) / "motion.rrd"
-            record_motion(recording, model, options.seconds)
+            recording = output or Path(folder) / "made.rrd"
+            if kind == ".xml":
+                record_motion(recording, _compiled(options.path), options.seconds)
+            else:
+                write_portrait(recording, Plant.load(path))
             if picture or not output:
                 open_recording(recording, picture)
     for written in filter(None, (output, picture)):
         print(f"wrote {written}")
+
+
+def _compiled(path: str) -> mujoco.MjModel:
+    from .engine import spec_of
+
+    try:
+        return spec_of(path).compile()
+    except ValueError as error:
+        raise ModelError(f"{path}: {error}") from None
 
 
 # What the commands share.

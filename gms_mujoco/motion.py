@@ -89,10 +89,9 @@ def virgin_curve(plant: Plant, span: float, points: int = 400) -> tuple[Array, A
     Returns:
         (points,) distance, geometrically spaced [rad], and torque against the motion [N m].
     """
-    friction = Plant(1.0, tuple(e for e in plant.effects if e.kind == "friction" and e.is_native), plant.kind)
     distance = np.concatenate([[0.0], np.geomspace(1e-6 * span, span, points)])
     speed = _SLOWLY * span
-    torque = friction.joint().replay(distance / speed, distance, np.full(len(distance), speed)).torque
+    torque = plant.friction.joint().replay(distance / speed, distance, np.full(len(distance), speed)).torque
     return distance[1:], -torque[1:]
 
 

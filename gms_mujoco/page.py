@@ -118,13 +118,15 @@ def parameters(plant: Plant, title: str) -> str:
 def provenance(plant: Plant) -> str:
     if not plant.provenance:
         return ""
-    def said(value: Any) -> str:
-        if isinstance(value, list | tuple):
-            return ", ".join(map(said, value))
-        return f"{value:.4g}" if isinstance(value, float) else str(value)
-
     rows = [(escape(k.replace("_", " ")), escape(said(v))) for k, v in plant.provenance.items()]
     return f"<section><h2>Where the numbers come from</h2>{table((), rows)}</section>"
+
+
+def said(value: Any) -> str:
+    """A value of the provenance as people write it."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(said, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def where_it_fails(shown: Shown) -> str:

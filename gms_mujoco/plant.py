@@ -102,6 +102,11 @@ class Plant:
         return replace(self, effects=kept)
 
     @property
+    def friction(self) -> Plant:
+        """The same axis with nothing but its friction."""
+        return replace(self, effects=tuple(e for e in self.effects if e.kind == "friction"))
+
+    @property
     def driven_inertia(self) -> float:
         """Inertia that moves with the joint [kg m^2]: the axis's less what its effects put behind a coupling."""
         assert self.inertia is not None

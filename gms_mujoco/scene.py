@@ -8,6 +8,7 @@ import math
 import os
 import signal
 import subprocess
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from . import engine, files, native
-from .drawing import part, rgb
+from .drawing import draw, part, rgb, view
 from .errors import ModelError
+from .figure import Curve
 
-_ROBOT, _FRICTION, _VALUES = "robot", "friction", "values"
+_ROBOT, _FRICTION, _VALUES, _LOOP = "robot", "friction", "values", "loop"
+_DRAWN, _KEPT = 100, 4000  # looks from one drawing of the loops to the next, and that they remember
 _MOST_TABS = 12  # joints: more tabs cannot be read
 _AWAY = 1.2  # sizes of the model, of the camera
 _CORNER = rrb.Corner2D.RightTop
@@ -45,7 +48,8 @@ class Scene:
 
     Entities: `robot/...` (bodies and geometry); for each joint with friction `friction/JOINT/torque` [N m],
     `friction/JOINT/elements/K` (torque of element K of gms [N m]) and `friction/JOINT/slips/K` (state of element K);
-    `values/NAME` for what the caller adds. All over the timeline `time` [s].
+    `values/NAME` for what the caller adds. All over the timeline `time` [s]. `loop/JOINT` is drawn once in a while: the
+    friction torque against the position.
 
     Args:
         model: compiled.
@@ -74,6 +78,8 @@ class Scene:
         self._values: set[str] = set()
         self._slips: dict[str, int] = {}
         self._most = dict.fromkeys(self.joints, 0.0)  # torque of each joint
+        self._path: dict[str, deque[tuple[float, float]]] = {j: deque(maxlen=_KEPT) for j in self.joints}
+        self._looks = 0
         for k, joint in enumerate(self.joints):
             root = f"{_FRICTION}/{part(joint)}"
             self._name(f"{root}/torque", joint, k)
@@ -104,13 +110,20 @@ class Scene:
         model, data = model or self.model, data or self.data
         if data.time < self._last:  # a new episode
             self._began, self._last = self._began + self._last + self._period, -1.0
+            for path in self._path.values():
+                path.clear()
         if self._last >= 0 and data.time - self._last < self._period * (1 - 1e-6):
             return
         self._last = data.time
         self.stream.set_time("time", duration=self._began + data.time)
         self._robot.log_data(data, self.stream)
         for joint in self.joints:
-            self._look(joint, engine.friction(model, data, joint))
+            now = engine.friction(model, data, joint)
+            self._path[joint].append((float(data.joint(joint).qpos[0]), -now.torque))
+            self._look(joint, now)
+        self._looks += 1
+        if self._looks % _DRAWN == 0:
+            self._draw_loops()
         for name, value in values.items():
             if name not in self._values:
                 self._values.add(name)
@@ -127,6 +140,7 @@ class Scene:
     def flush(self) -> None:
         """Shows the busiest joint and waits until everything has arrived. A window stays open until it is closed."""
         self._arrange()
+        self._draw_loops()
         self.stream.flush()
 
     def close(self) -> None:
@@ -150,13 +164,23 @@ class Scene:
                 self._slips[place] = int(direction)
                 self.stream.log(place, rr.StateChange(state=_SLIPS[int(direction)]))
 
+    def _draw_loops(self) -> None:
+        for k, joint in enumerate(self.joints):
+            if len(path := np.array(self._path[joint])) > 1:
+                torque, angle = self._units(joint)
+                curve = Curve("friction", path[:, 0], path[:, 1], _COLOURS[k % len(_COLOURS)])
+                draw(self.stream, f"{_LOOP}/{part(joint)}", [curve], "position", angle, "friction", torque)
+
+    def _units(self, joint: str) -> tuple[str, str]:
+        return ("N m", "rad") if self.model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_HINGE else ("N", "m")
+
     def _name(self, entity: str, name: str, k: int) -> None:
         colour = rgb(_COLOURS[k % len(_COLOURS)])
         self.stream.log(entity, rr.SeriesLines(names=[name], colors=[colour]), static=True)
 
     def _arrange(self) -> None:
         """Sends the arrangement: the robot on the left; all joints and below each by itself on the right."""
-        unit = {j: "N m" if self.model.joint(j).type[0] == mujoco.mjtJoint.mjJNT_HINGE else "N" for j in self.joints}
+        unit = {j: self._units(j)[0] for j in self.joints}
         shown, shares, tabs = [], [], []
         if self._values:
             shown.append(rrb.TimeSeriesView(origin=_VALUES, name=", ".join(sorted(self._values))))
@@ -166,8 +190,12 @@ class Scene:
             alone = [rrb.TimeSeriesView(origin=f"{root}/torque", name=f"friction [{unit[joint]}]")]
             tabs.append(rrb.Vertical(
                 *(alone if len(self.joints) == 1 else []),
-                rrb.TimeSeriesView(origin=f"{root}/elements", plot_legend=_CORNER,
-                                   name=f"torque of each element of {joint} [{unit[joint]}]"),
+                rrb.Horizontal(
+                    rrb.TimeSeriesView(origin=f"{root}/elements", plot_legend=_CORNER,
+                                       name=f"torque of each element of {joint} [{unit[joint]}]"),
+                    view(f"{_LOOP}/{part(joint)}", f"friction of {joint} over its position"),
+                    column_shares=[3, 2],
+                ),
                 rrb.StateTimelineView(origin=f"{root}/slips", name=f"which element of {joint} slips"),
                 name=joint,
             ))  # fmt: skip

@@ -45,7 +45,7 @@ def scale_of(plant: Plant, resolution: float) -> Scale:
         plant: every parameter set.
         resolution: position of one encoder count [rad]; the break-away is at least 50 of them.
     """
-    friction = replace(plant.complete(), effects=tuple(e for e in plant.effects if e.kind == "friction"))
+    friction = plant.complete().friction
     position = np.geomspace(1e-9, 10.0, 400)
     speed = np.full(400, 1e-3)
     torque = np.abs(friction.joint().replay(position / 1e-3, position, speed).torque)

@@ -1,4 +1,4 @@
-"""The rerun viewer, with a window or for a picture; simulations streamed to it; the recording of a training.
+"""The rerun viewer, with a window or for a picture; simulations streamed to it; the recording of a training or a plant.
 
     with gms.view.stream(model, data) as look:   # opens the viewer; with a third argument "arm.rrd" writes that
         while data.time < 5:
@@ -25,12 +25,13 @@ from . import drawing, files
 from .drawing import draw, series
 from .errors import DataError, GmsError
 from .figure import COLOURS, Curve
+from .portrait import write_portrait
 from .scene import Scene, end, record_motion
 
 if TYPE_CHECKING:
     from .learn import Training
 
-__all__ = ["RECORDING", "Scene", "open_recording", "record_motion", "stream", "write_training"]
+__all__ = ["RECORDING", "Scene", "open_recording", "record_motion", "stream", "write_portrait", "write_training"]
 
 RECORDING = "recording.rrd"
 _PATIENCE = 30.0  # s until a viewer listens

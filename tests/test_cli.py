@@ -206,9 +206,17 @@ def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
     (tmp_path / "data.csv").touch()
     refuses(capsys, "not a recording", argv=["view", tmp_path / "data.csv"])
     refuses(capsys, "no such file", argv=["view", tmp_path / "robot.xml"])
-    refuses(capsys, "is none", argv=["view", tmp_path / "data.csv", "-o", tmp_path / "out.rrd"])
+    refuses(capsys, "is neither", argv=["view", tmp_path / "data.csv", "-o", tmp_path / "out.rrd"])
     (tmp_path / "robot.xml").write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
     refuses(capsys, "must not be negative", argv=["view", tmp_path / "robot.xml", "--seconds", "-1"])
+
+
+def test_view_draws_a_plant(tmp_path: Path) -> None:
+    for plant in ("servo_axis", files.MODELS / "servo_axis.toml"):
+        kept = tmp_path / "plant.rrd"
+        assert cli.main(["view", str(plant), "-o", str(kept)]) == 0
+        assert kept.stat().st_size > 1e4
+        kept.unlink()
 
 
 def test_view_keeps_the_motion_of_a_model(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ LAYERS = [
     {"position_servo"},
     {"page", "page_frf"},
     {"demo", "report"},
-    {"env", "vector_env", "control", "drawing", "scene", "view", "tour"},
+    {"env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour"},
     {"learn"},
     {"sb3"},
     {"cli"},
@@ -36,8 +36,8 @@ LAYERS = [
 ]
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 EDGES = {
-    "registration", "env", "vector_env", "control", "drawing", "scene", "view", "tour", "learn", "sb3", "cli",
-    "report", "demo",
+    "registration", "env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour", "learn", "sb3",
+    "cli", "report", "demo",
 }  # fmt: skip
 OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch"}
 

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import rerun as rr
+from recordings import last_values
 from rerun.chunk import RrdReader
 
 import gms_mujoco as gms
@@ -68,6 +69,8 @@ def test_a_recording_has_the_numbers_of_the_simulation(arm: mujoco.MjModel, tmp_
     _, place = seen["/robot/bodies/hand"]
     np.testing.assert_allclose(place[-STEPS:], truth[:, -3:], atol=1e-6)
     np.testing.assert_allclose(seen["/values/gap"][1], 2 * truth[:, 0])
+    loop = last_values(tmp_path / "arm.rrd")["/loop/elbow/data/friction"]
+    np.testing.assert_allclose(np.ravel(loop["y"]), -truth[:, 1])
     assert set(joints_with_friction(arm, mujoco.MjData(arm))) == {"elbow", "shoulder_lift"}
     assert not any("wrist" in k for k in seen if k.startswith("/friction"))
 

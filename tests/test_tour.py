@@ -1,33 +1,16 @@
 """The tour through a diagnosis reads back: every tab is there, and the drawn numbers are those of the comparison."""
 
-from collections import defaultdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
+from recordings import Rows, last_values
 from told import Told, tell
 
 from gms_mujoco import drawing, figure, page, tour
 from gms_mujoco.errors import GmsError
 from gms_mujoco.figure import Band, Curve
-
-Rows = dict[str, dict[str, Any]]
-
-
-def _read(file: Path) -> Rows:
-    """Of each entity the last value of each component, and the number of rows."""
-    found: Rows = defaultdict(dict)
-    for chunk in RrdReader(file).stream().collect().stream():
-        batch = chunk.to_record_batch()
-        known = found[chunk.entity_path]
-        known["rows"] = max(known.get("rows", 0), chunk.num_rows)
-        for name in batch.schema.names:
-            if ":" in name or name in ("x", "y"):
-                known[name.split(":")[-1]] = batch.column(name).to_pylist()
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +23,7 @@ def rows(told: Told, tmp_path_factory: pytest.TempPathFactory) -> Rows:
     folder = tmp_path_factory.mktemp("tour")
     tour.write_recording(folder / "recording.rrd", told)
     assert [p.name for p in folder.iterdir()] == ["recording.rrd"]
-    return _read(folder / "recording.rrd")
+    return last_values(folder / "recording.rrd")
 
 
 def test_the_tour_has_all_its_stations(told: Told, rows: Rows) -> None:
@@ -100,7 +83,7 @@ def test_a_drawing_fills_its_box(tmp_path: Path, log: tuple[bool, bool]) -> None
                      bands=[Band(x, x * 1e-4, x * 3e-4)], log=log)  # fmt: skip
         stream.flush()
         stream.disconnect()
-    rows = _read(tmp_path / "a.rrd")
+    rows = last_values(tmp_path / "a.rrd")
     strip = np.array(rows["/plot/a"]["strips"][0][0])
     assert (strip >= -1e-6).all() and (strip <= np.array(drawing.BOX) + 1e-6).all()
     assert np.ptp(strip[:, 0]) > 0.9 * drawing.BOX[0] and strip[0, 1] > strip[-1, 1]  # up is up
