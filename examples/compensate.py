@@ -62,10 +62,7 @@ def errors(make: Make, task: str, spread: float, seeds: int, steps: int = STEPS)
     return control.follow(envs, lambda k: make(axes, k), seed=0).rms()
 
 
-def main() -> None:
-    global BANDWIDTH
-    BANDWIDTH = float(sys.argv[2]) if len(sys.argv) > 2 else BANDWIDTH
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+def main(seeds: int = 5) -> None:
     count = 2 * np.pi / 1e6
     columns = [(t, s) for t in ("slow_sine", "reversals") for s in (1.0, 1.2)]
     print(f"rms tracking error [encoder counts], {seeds} episodes, PID of {BANDWIDTH:g} Hz")
@@ -78,4 +75,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    BANDWIDTH = float(sys.argv[2]) if len(sys.argv) > 2 else BANDWIDTH
+    main(*map(int, sys.argv[1:2]))

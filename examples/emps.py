@@ -14,6 +14,7 @@ from pathlib import Path
 
 from gms_mujoco import cli
 
+DATA = os.path.join(os.environ.get("GMS_MUJOCO_DATA", "../shared/data"), "emps")
 FORCE_PER_VOLT = 35.1507  # N/V, gtau
 
 RECORD = """
@@ -25,17 +26,19 @@ scale = {{ torque = {scale} }}
 """
 
 
-def main() -> int:
-    default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "emps"
-    data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    results = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("emps_diagnosis")
+def write(folder: Path, data: Path) -> Path:
+    """A measurement set of the files where they lie."""
     text = '[axis]\nkind = "slide"\n'
     for name, use in (("DATA_EMPS.mat", "fit"), ("DATA_EMPS_PULSES.mat", "validate")):
         text += RECORD.format(file=(data / name).resolve().as_posix(), use=use, scale=FORCE_PER_VOLT)
+    (folder / "dataset.toml").write_text(text)
+    return folder
+
+
+def main(data: str = DATA, results: str = "emps_diagnosis") -> int:
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "dataset.toml").write_text(text)
-        return cli.main(["diagnose", folder, "-o", str(results)])
+        return cli.main(["diagnose", str(write(Path(folder), Path(data))), "-o", results])
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:3]))

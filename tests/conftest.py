@@ -34,22 +34,6 @@ def practice() -> Path:
     return _folder("GMS_MUJOCO_PRACTICE", "../shared/practice")
 
 
-@pytest.fixture
-def emps(data: Path, tmp_path: Path) -> Path:
-    """The EMPS benchmark as a measurement set: fit on DATA_EMPS, validate on DATA_EMPS_PULSES."""
-    record = (
-        '[[record]]\nfile = "{}"\nuse = "{}"\n'
-        'columns = {{ time = "t", torque = "vir", position = "qm" }}\nscale = {{ torque = 35.1507 }}\n'
-    )
-    files = {"fit": data / "emps/DATA_EMPS.mat", "validate": data / "emps/DATA_EMPS_PULSES.mat"}
-    for file in files.values():
-        if not file.exists():
-            pytest.skip(f"no {file}")
-    text = '[axis]\nkind = "slide"\n' + "".join(record.format(f.as_posix(), use) for use, f in files.items())
-    (tmp_path / "dataset.toml").write_text(text)
-    return tmp_path
-
-
 @pytest.fixture(scope="session")
 def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A measurement set of a simulated axis with dry and viscous friction: one record to fit, one to validate."""

@@ -1,8 +1,6 @@
 """Controllers follow, and what knows the friction follows better."""
 
-import sys
-from pathlib import Path
-
+import compensate
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -12,10 +10,6 @@ import gms_mujoco as gms
 from gms_mujoco import control
 from gms_mujoco.axis import plant_of
 from gms_mujoco.plant import Plant
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
-
-import compensate
 
 H = 1 / 2000
 COUNT = 2 * np.pi / 1e6

@@ -197,11 +197,3 @@ def test_practice_sets(practice: Path, name: str) -> None:
     else:
         first, last = d.steps[0].validate_error, d.steps[-1].validate_error
         assert d.verdict in ("explained", "partly_explained") and last < 0.2 * first
-
-
-@pytest.mark.slow
-def test_a_measured_drive_has_asymmetric_friction(emps: Path) -> None:
-    """EMPS: Janot, Gautier and Brunot (2019); validated on the run with a load that comes in pulses."""
-    d = diagnose(load(emps))
-    assert d.steps[1].effect == "asymmetric_friction"
-    assert d.steps[-1].validate_error <= 0.82 * d.steps[0].validate_error

@@ -1,19 +1,16 @@
 """The figures that the examples print."""
 
 import re
-import sys
 from pathlib import Path
 
-import numpy as np
-import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
-
 import arm_friction
+import compensate
 import compensated_axis
 import free_response
 import frf_to_parameters
 import missing_effect
+import numpy as np
+import pytest
 import train_policy
 import transfer
 import watch_arm
@@ -56,6 +53,15 @@ def test_compensated_the_axis_is_a_bare_inertia_without_dahl_resonance():
     height, at = axis.resonance(plain)
     assert height > 3 and 20 < at < 45 and axis.off_the_mass_line(plain) > 6
     assert axis.resonance(compensated)[0] == 0 and axis.off_the_mass_line(compensated) < 1
+
+
+def test_a_model_of_the_friction_brings_the_tracking_near_the_oracle(capsys):
+    compensate.main(3)
+    rows = re.findall(r"^(\S.*?)  +(.*)$", capsys.readouterr().out, re.M)
+    error = {name: [float(cell.split()[0]) for cell in re.findall(r"[\d.]+ \+- ", row)] for name, row in rows}
+    exact = slice(0, None, 2)  # columns in which the model has the friction of the axis
+    ratio = {n: np.array(error[n][exact]) / error["oracle"][exact] for n in ("PID + feedforward", "PID + GMS observer")}
+    assert (ratio["PID + feedforward"] > 8).all() and (ratio["PID + GMS observer"] < 1.5).all()
 
 
 def test_a_falling_arm_is_recorded(tmp_path, capsys):

@@ -1,22 +1,31 @@
 """Logs of real machines that others measured, from file to diagnosis, against the figures that stand beside them."""
 
-import sys
+import json
 from pathlib import Path
 
+import emps
 import numpy as np
+import odrive_cogging
 import pytest
+import ur10e
 
 import gms_mujoco as gms
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
-import odrive_cogging
-import ur10e
 
 
 def _folder(data: Path, name: str) -> Path:
     if not (data / name).is_dir():
         pytest.skip(f"no {data / name}")
     return data / name
+
+
+@pytest.mark.slow
+def test_a_drive_by_ball_screw_has_asymmetric_friction(data: Path, tmp_path: Path) -> None:
+    """EMPS: Janot, Gautier and Brunot (2019); validated on the run with a load that comes in pulses."""
+    assert emps.main(str(_folder(data, "emps")), str(tmp_path)) == 0
+    said = json.loads((tmp_path / "diagnosis.json").read_text())
+    first, last = said["steps"][0], said["steps"][-1]
+    assert said["steps"][1]["effect"] == "asymmetric_friction"
+    assert last["validate_error"] <= 0.82 * first["validate_error"]
 
 
 @pytest.mark.slow
