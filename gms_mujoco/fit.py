@@ -28,6 +28,8 @@ Progress = Callable[[float, str], None]
 
 _ROUNDS = 4  # of solving and computing the harmonics anew
 _AGREED = 0.98  # of the cost: less of a fall is none
+_FINER = 10.0  # than the instants that a replay takes, for the last steps
+_SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _ENOUGH = 160  # points of frequency responses, for a first look
 
 
@@ -158,9 +160,11 @@ def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
-    """The fit next to a vector that is already close: first the few parameters, then all unknowns."""
-    x = solve(misfit, misfit.settle(x), max_steps, columns=np.arange(misfit.n_common))
-    return _result(misfit, _agreed(misfit, solve(misfit, misfit.settle(x), max_steps // 2), max_steps // 2))
+    """The fit next to a vector that is already close, until no step would move it by much of an interval."""
+    x = solve(misfit, misfit.settle(x), max_steps)
+    for _ in range(2):
+        x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / max(len(misfit.residual(x)), 1))
+    return _result(misfit, _agreed(misfit, x, max_steps // 2))
 
 
 def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
@@ -203,10 +207,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     if missing := undetermined(plant):
         provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
     plant = replace(plant, provenance=provenance)
-    status = (
-        f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
-        f"noise floor {100 * floor:.2f} %"
-    )
+    status = f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, noise floor {100 * floor:.2f} %"
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
     return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))

@@ -19,7 +19,9 @@ def solve(
     """The vector of least squares near `start`.
 
     Levenberg-Marquardt on the normal equations, with the parameters that press against a bound held there: many
-    of the unknowns (states before the first sample, shares) end on a bound, where interior methods crawl.
+    of the unknowns (states before the first sample, shares) end on a bound, where interior methods crawl. What the data
+    hardly see stays near what is likely (`Misfit.prior`): it would run to and fro between its bounds, and no step of
+    the others be tried for its own sake.
 
     Args:
         misfit: the problem.
@@ -32,11 +34,13 @@ def solve(
     columns = np.arange(misfit.size) if columns is None else columns
     x = np.clip(start, lower, upper)
     r = misfit.residual(x)
-    cost, damping = squared(r), 1e-3
+    prior = misfit.prior * squared(r) / len(r)
+    cost, damping = squared(r) + float(prior @ x**2), 1e-3
     stalled = 0
     for _ in range(max_steps if len(columns) else 0):
         jacobian = misfit.jacobian(x, columns)[:, columns]
-        gradient, hessian = gram(jacobian, r), gram(jacobian, jacobian)
+        gradient = gram(jacobian, r) + prior[columns] * x[columns]
+        hessian = gram(jacobian, jacobian) + np.diag(prior[columns])
         push = np.zeros(misfit.size)
         push[columns] = gradient
         free = np.flatnonzero(~misfit.held(x, push)[columns] & (np.diag(hessian) > 0))
@@ -53,7 +57,7 @@ def solve(
             trial = x.copy()
             trial[moving] = np.clip(x[moving] - np.clip(step, -3, 3), lower[moving], upper[moving])
             r_trial = misfit.residual(trial)
-            cost_trial = squared(r_trial)
+            cost_trial = squared(r_trial) + float(prior @ trial**2)
             if cost_trial < cost:
                 x, r, cost, damping = trial, r_trial, cost_trial, max(damping / 5, 1e-9)
                 break

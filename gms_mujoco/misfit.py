@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -56,6 +57,7 @@ class Misfit:
     ) -> None:
         self.coordinates = Coordinates(template, fixed)
         self.coarse = coarse
+        self.set_grids: list[Grid | None] | None = None
         self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
         self.observations = tuple(observations)
@@ -74,6 +76,11 @@ class Misfit:
     @property
     def size(self) -> int:
         return self.n_common + self._states[-1][1]
+
+    @cached_property
+    def prior(self) -> Array:
+        """(size,) one over the variance that each unknown has before the data: a state is anywhere from -1 to 1."""
+        return np.append(np.zeros(self.n_common), np.full(self.size - self.n_common, 3.0))
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -150,8 +157,8 @@ class Misfit:
         parts: list[Array] = []
         grids: list[Grid | None] = []
         for i, o in enumerate(self.observations):
-            memory, grid = self.memory(x, i), o.samples
-            if self.coarse:
+            memory, grid = self.memory(x, i), o.samples if self.set_grids is None else self.set_grids[i]
+            if self.coarse or self.set_grids is not None:
                 needed = o.needed(plant, memory, grid)
             else:
                 needed, grid = o.look(plant, memory)
@@ -159,6 +166,16 @@ class Misfit:
             grids.append(grid)
         self._looked, self._before = (x.copy(), grids), {}
         return np.concatenate(parts)
+
+    def on_grids(self, x: Array, finer: float) -> Misfit:
+        """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
+
+        Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.
+        """
+        plant, out = self._plant(x), copy(self)
+        out.set_grids = [o.grid(plant, self.memory(x, i), finer) for i, o in enumerate(self.observations)]
+        out._looked, out._before = (np.empty(0), []), {}
+        return out
 
     def cost(self, x: Array) -> float:
         """Squared residual [N^2 m^2]."""

@@ -81,7 +81,11 @@ def test_a_linear_problem_has_the_solution_of_linear_least_squares() -> None:
     drag = found.plant["viscous"].coefficient
     unit = Plant.axis(1.0) + effects.Viscous(coefficient=drag)
     seen = found.misfit.observations
-    columns = [(o.acceleration, -o.replay(unit) / drag, o.applied(plant), o.applied(plant, 1e-6)) for o in seen]
+    fine = [o.grid(unit, None, 10.0) for o in seen]  # the last steps of a fit take these instants
+    columns = [
+        (o.acceleration, -o.replay(unit, None, g) / drag, o.applied(plant), o.applied(plant, 1e-6))
+        for o, g in zip(seen, fine, strict=True)
+    ]
     a, v, u, late = (np.concatenate(c) for c in zip(*columns, strict=True))
     matrix = np.stack([a, v, (u - late) / 1e-6], 1)  # inertia, drag and the skew of the clocks
     scale = np.sqrt((matrix**2).sum(0))
