@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import effects
 from .compare import Comparison, compare_observations, quick_torque_error
@@ -17,16 +16,14 @@ from .effect import Effect
 from .errors import DataError
 from .fit import FitResult, Progress, baseline, fit_observations, relative_error
 from .frf_observation import Seen
-from .intervals import block_sums
+from .held_out import p_value
 from .inverse import Observation
 from .observe import observe
 from .plant import Plant
 from .remainder import describe
-from .screen import BLOCK, Screen
-from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step, p_value
+from .screen import Screen
+from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
-
-Array = NDArray[np.float64]
 
 _MUCH = 0.5  # of the squared error above the floor: another law of friction that leaves less than that is told
 
@@ -284,16 +281,9 @@ def _lowered(text: str) -> str:
 def _evidence(before: Step, step: Step) -> str:
     """One sentence that can be checked on a plot."""
     assert step.effect is not None
-    observations = step.result.misfit.observations
-    pairs = zip(_by_record(observations, before.held_out), _by_record(observations, step.held_out), strict=True)
-    better = sum(b.sum() < a.sum() for a, b in pairs)
+    better = sum(b < a for a, b in zip(before.held_out.by_record, step.held_out.by_record, strict=True))
     return (
         f"{step.effect}: with it the torque error falls from {100 * before.result.error:.2f} % to "
         f"{100 * step.result.error:.2f} % (p = {step.p_value:.1g} on held-out blocks), in {better} of "
-        f"{len(observations)} fit records; {_lowered(effects.find(step.effect).signature)}"
+        f"{len(step.held_out.by_record)} fit records; {_lowered(effects.find(step.effect).signature)}"
     )
-
-
-def _by_record(observations: Sequence[Seen], blocks: Array) -> list[Array]:
-    counts = [len(block_sums([o], np.ones((len(o.index), 1)), BLOCK)) for o in observations]
-    return np.split(blocks, np.cumsum(counts)[:-1])

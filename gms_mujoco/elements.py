@@ -50,7 +50,7 @@ def choose_elements(
     for i, n in enumerate(counts):
         report(i / len(counts), f"{n} element{'s' if n > 1 else ''}")
         result = fit_observations(plant.replace(_with(plant["gms"], n)), observations, fixed)
-        blocks = cross_validated(result.misfit, result.vector)
+        blocks = cross_validated(result.misfit, result.vector).squares
         found.append((result, float(blocks.mean()), float(blocks.std() / np.sqrt(len(blocks)))))
         if i > 1 and found[-1][1] > found[-2][1] > found[-3][1]:
             break  # more only follow the noise

@@ -26,13 +26,14 @@ from . import effects, formats, native
 from .effect import Effect
 from .errors import DataError, ModelError, listing
 from .frf_observation import Seen
+from .held_out import HeldOut, p_value
 from .intervals import covariance
 from .least_squares import nudge, solve
 from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .screen import Screen, applicable, cross_validated, is_present
-from .search import FALSE_DISCOVERY_RATE, p_value, simplest
+from .search import FALSE_DISCOVERY_RATE, simplest
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -338,7 +339,7 @@ def explain(
 
     Every effect of the catalogue that can act on a servo is screened; the best are fitted jointly. One is accepted
     where it removes at least 5 % of the squared error at payloads and gains that were left out of the fit, and a t-test
-    over the runs sees that surely (p < 0.01).
+    over the runs in which it acts (`held_out.p_value`) sees that surely (p < 0.01).
 
     Args:
         plant: to begin with, such as `servo()`.
@@ -370,7 +371,7 @@ def explain(
             report(done + 0.5 / most, f"trying {c.effect.name}")
             trials.append(min((_tried(current, e, seen, fold) for e in (c.effect, c.strong) if e), key=_left))
         p_values = {t.effect: p_value(held_out, t.held_out) for t in trials}
-        enough = (1 - _LEAST_GAIN) * held_out.sum()
+        enough = (1 - _LEAST_GAIN) * held_out.total
         earned = [t for t in trials if p_values[t.effect] < FALSE_DISCOVERY_RATE and _left(t) < enough]
         earned = [t for t in earned if is_present(t.misfit.coordinates.decode(t.vector)[t.effect])]
         if not earned:
@@ -389,12 +390,12 @@ def explain(
 
 @dataclass(frozen=True)
 class _Trial:
-    """A rough joint fit with one effect more, and the squared error (runs,) that it leaves where it was not fitted."""
+    """A rough joint fit with one effect more, and what it leaves where it was not fitted."""
 
     effect: str
     misfit: Misfit
     vector: Array
-    held_out: Array
+    held_out: HeldOut
 
 
 def _tried(plant: Plant, effect: Effect, seen: Sequence[Seen], fold: NDArray[np.intp] | None) -> _Trial:
@@ -404,7 +405,7 @@ def _tried(plant: Plant, effect: Effect, seen: Sequence[Seen], fold: NDArray[np.
 
 
 def _left(trial: _Trial) -> float:
-    return float(trial.held_out.sum())
+    return trial.held_out.total
 
 
 def _conditions(runs: Sequence[ServoRun]) -> NDArray[np.intp] | None:

@@ -21,6 +21,7 @@ from scipy import linalg
 from . import effects
 from .effect import Effect
 from .frf_observation import FrfObservation, Seen
+from .held_out import BLOCK, HeldOut
 from .intervals import block_sums
 from .inverse import Observation
 from .misfit import Misfit, squared
@@ -31,7 +32,6 @@ from .tall import gram, times
 
 Array = NDArray[np.float64]
 
-BLOCK = 0.5  # s; residuals further apart than this are taken as independent
 FOLDS = 5
 _ORDERS = 48  # harmonics tried per revolution
 _FINER = (1.41, 1.19)  # factors between the values of a grid
@@ -50,12 +50,12 @@ class Candidate:
         effect: with the values from which a joint fit starts.
         strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         gain: share of the squared residual that it explains, after a joint linear refit.
-        held_out: (blocks,) squared residual of each block, predicted without that block [N^2 m^2].
+        held_out: what is left of each block, predicted without that block.
     """
 
     effect: Effect
     gain: float
-    held_out: Array
+    held_out: HeldOut
     strong: Effect | None = None
 
 
@@ -105,7 +105,7 @@ class Screen:
         self.model = LinearModel(misfit, vector, self.residual)
         self._left = float(self.model.residual @ self.model.residual)
         self._delivered = misfit.delivered(vector)
-        self.held_out = self.model.held_out() / self._delivered
+        self.held_out = self._predicted(None, 1.0)
 
     def candidate(self, effect: type[Effect]) -> Candidate | None:
         """The best way to add an effect; None where the data cannot show it (no motion, signal missing).
@@ -133,8 +133,12 @@ class Screen:
         gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
         share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
-        held_out = self.model.held_out(columns) / (self._delivered * self._kept(started))
-        return Candidate(started, share, held_out, strong)
+        return Candidate(started, share, self._predicted(columns, self._kept(started)), strong)
+
+    def _predicted(self, columns: Array | None, kept: float) -> HeldOut:
+        """What is left of each block with some columns more, for a drive that delivers everything."""
+        rows = self.model.held_out(columns) / math.sqrt(self._delivered * kept)
+        return HeldOut(rows, self.misfit.observations)
 
     @property
     def _goes_round(self) -> bool:
@@ -200,8 +204,8 @@ class Screen:
             if np.isfinite(gain) and (best.strong is None or gain > best.strong[0]):
                 best.strong = gain, trial, change
 
-    def shape(self, torque: Array) -> tuple[float, float, Array]:
-        """Gain, strength, and squared residual of each block not seen, of a torque (m,) that has one strength."""
+    def shape(self, torque: Array) -> tuple[float, float, HeldOut]:
+        """Gain, strength, and what is left of each block not seen, of a torque (m,) that has one strength."""
         columns = (torque * self.model.determined)[:, None]
         free = self.model.without(columns)
         seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
@@ -209,7 +213,7 @@ class Screen:
             return 0.0, 0.0, self.held_out
         strength = _least_squares(free, self.model.target, seen)
         gain = self._gain(free @ strength) / max(self._left, 1e-300)
-        return gain, -float(strength[0]), self.model.held_out(columns)
+        return gain, -float(strength[0]), self._predicted(columns, 1.0)
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""
@@ -419,20 +423,19 @@ class LinearModel:
         return np.vstack([columns - times(self.tangents, move), -self.prior * move])
 
     def held_out(self, columns: Array | None = None) -> Array:
-        """(blocks,) squared residual of each block of time, predicted by a refit without the blocks of its fold.
+        """(m,) residual of each block of time, predicted by a refit without the blocks of its fold.
 
         Args:
             columns: (m, k) tangents of what is added.
         """
         added = np.empty((len(self.residual), 0)) if columns is None else columns
         # Everything that a refit needs to know of a block is its share of the normal equations.
-        grams = _block_grams(self.observations, np.column_stack([self.tangents, self._scaled(added), self.residual]))
-        p = grams.shape[1] - 1
-        out = np.empty(len(grams))
-        for blocks, move in self._folds(grams):
-            for b in blocks:
-                g = grams[b]
-                out[b] = g[p, p] + 2 * move @ g[:p, p] + move @ g[:p, :p] @ move
+        both = np.column_stack([self.tangents, self._scaled(added), self.residual])
+        owner = _block_of_row(self.observations)
+        out = self.residual.copy()
+        for blocks, move in self._folds(_block_grams(self.observations, both)):
+            rows = np.isin(owner, blocks)
+            out[rows] += both[rows, :-1] @ move
         return out
 
     def _scaled(self, columns: Array) -> Array:
@@ -455,11 +458,11 @@ def determined(misfit: Misfit) -> NDArray[np.bool_]:
     return found if found.any() else ~found
 
 
-def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> Array:
-    """(blocks,) squared residual of each block of time, left by a refit without the blocks of its fold.
+def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> HeldOut:
+    """What is left of each block of time by a refit without the blocks of its fold.
 
-    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. It is
-    divided by the share of the command that the drive delivers, see `Misfit.delivered`.
+    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. Squares
+    are divided by the share of the command that the drive delivers, see `Misfit.delivered`.
 
     Args:
         misfit, vector: a problem and its solution.
@@ -469,9 +472,9 @@ def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None
     model = LinearModel(misfit, vector, residual)
     grams = _block_grams(model.observations, np.column_stack([model.tangents, model.residual]))
     lower, upper = misfit.bounds
-    out = np.empty(len(grams))
+    owner, out = _block_of_row(model.observations), np.empty(len(residual))
     for blocks, move in model._folds(grams, fold):
-        best, chosen = np.inf, np.empty(0)
+        best, chosen = np.inf, residual
         for share in (0.0, 0.1, 0.3, 1.0):
             moved = vector.copy()
             moved[model.columns] += share * move * model.reach
@@ -479,9 +482,16 @@ def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None
             squares = block_sums(model.observations, (there * model.determined) ** 2, BLOCK)
             seen = squares.sum() - squares[blocks].sum()
             if seen < best:
-                best, chosen = seen, squares
-        out[blocks] = chosen[blocks]
-    return out / misfit.delivered(vector)
+                best, chosen = seen, there
+        rows = np.isin(owner, blocks)
+        out[rows] = chosen[rows]
+    return HeldOut(out * model.determined / math.sqrt(misfit.delivered(vector)), misfit.observations)
+
+
+def _block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:
+    """(m,) number of the block of time that each row belongs to."""
+    lengths = block_sums(observations, np.ones(sum(len(o.index) for o in observations)), BLOCK).astype(int)
+    return np.repeat(np.arange(len(lengths)), lengths)
 
 
 def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:

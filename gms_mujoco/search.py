@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from .compare import Comparison, compare_observations
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
+from .held_out import HeldOut, p_value
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
@@ -24,7 +24,6 @@ FALSE_DISCOVERY_RATE = 0.01
 # An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
-NOTHING_LEFT = 1.05  # times the squared error of noise: below it there is nothing that an effect could explain
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
@@ -46,7 +45,7 @@ class Step:
         evidence: one sentence that a person can check on a plot.
         confusable_with: effects that these records cannot tell from the one added.
         p_value: of the fall of the error on held-out blocks.
-        held_out: (blocks,) squared residual of each block of the fit records, left by a fit without it.
+        held_out: what is left of each block of the fit records by a fit without it.
     """
 
     effect: str | None
@@ -54,7 +53,7 @@ class Step:
     comparison: Comparison | None = None
     confusable_with: tuple[str, ...] = ()
     p_value: float = float("nan")
-    held_out: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    held_out: HeldOut = field(default_factory=lambda: HeldOut(np.empty(0), ()), repr=False)
     evidence: str = ""
 
     @property
@@ -72,8 +71,8 @@ class Search:
         self.rejected: list[tuple[str, float, Plant]] = []
 
     @property
-    def held_out(self) -> Array:
-        """(blocks,) squared residuals of the current plant on held-out blocks."""
+    def held_out(self) -> HeldOut:
+        """What the current plant leaves on held-out blocks."""
         return self.steps[-1].held_out
 
     @property
@@ -82,7 +81,7 @@ class Search:
 
         Of noise as any plant on the way saw it: one that makes the sensors' noise louder is not excused by that.
         """
-        return bool(self.held_out.sum() <= AT_FLOOR**2 * min(_floor(s.result) for s in self.steps))
+        return bool(self.held_out.total <= AT_FLOOR**2 * min(_floor(s.result) for s in self.steps))
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
@@ -105,7 +104,7 @@ class Search:
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *self._tried(current, c)))
         rough.sort(key=lambda t: _left(t[1], t[2]))
-        trials: list[tuple[str, FitResult, Array]] = []
+        trials: list[tuple[str, FitResult, HeldOut]] = []
         for i, (name, misfit, x) in enumerate(_finalists(current, rough)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
@@ -118,7 +117,7 @@ class Search:
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return self._accept(trials, p_values)
 
-    def _accept(self, trials: Sequence[tuple[str, FitResult, Array]], p_values: dict[str, float]) -> bool:
+    def _accept(self, trials: Sequence[tuple[str, FitResult, HeldOut]], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
         earned = [
             (name, result, held_out)
@@ -139,18 +138,16 @@ class Search:
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
         return True
 
-    def _is_worth_it(self, result: FitResult, held_out: Array) -> bool:
+    def _is_worth_it(self, result: FitResult, held_out: HeldOut) -> bool:
         """Whether an effect takes a good part of what noise does not explain.
 
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts.
         """
-        before = float(self.held_out.sum())
+        before = self.held_out.total
         floor = min(_floor(self.steps[-1].result), _floor(result))
-        if before <= NOTHING_LEFT * floor:
-            return False
-        return bool(before - held_out.sum() > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
+        return bool(before - held_out.total > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
 
-    def _settle_for(self, trials: Sequence[tuple[str, FitResult, Array]]) -> None:
+    def _settle_for(self, trials: Sequence[tuple[str, FitResult, HeldOut]]) -> None:
         """Lets the current plant keep what a trial found for it.
 
         A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
@@ -243,29 +240,16 @@ def _floor(result: FitResult) -> float:
     return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
 
 
-def p_value(before: Array, after: Array) -> float:
-    """Of the hypothesis that the squared error of the blocks does not fall, by a one-sided t-test.
-
-    On the logarithm of the ratio: an effect that acts at high speed makes a few blocks fall so far that their mean
-    would hide how surely they do.
-    """
-    said = before > 0  # a block in which the axis stands still says nothing
-    fall = np.log(before[said] / np.maximum(after[said], 1e-300))
-    if len(fall) < 3 or not np.any(np.abs(fall) > 1e-9):
-        return 1.0
-    return float(stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue)
-
-
-def simplest(held_out: Sequence[Array], sizes: Sequence[int]) -> tuple[int, list[int]]:
+def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:
     """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
 
     Args:
-        held_out: (blocks,) squared residuals that each leaves.
+        held_out: what each leaves.
         sizes: free parameters of each.
     """
-    best = min(held_out, key=lambda h: float(h.sum()))
+    best = min(held_out, key=lambda h: h.total)
     equal = [i for i, h in enumerate(held_out) if p_value(h, best) > _CONFUSABLE]
-    chosen = min(equal, key=lambda i: (sizes[i], float(held_out[i].sum())))
+    chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]
 
 

@@ -44,6 +44,7 @@ LAYERS = [
     {"mjcf", "bam", "servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
     {"dataset"},
+    {"held_out"},
     {"screen", "elements", "remainder", "custom", "goals"},
     {"search"},
     {"diagnose"},

@@ -1,0 +1,114 @@
+"""Whether an effect helps where it says that it acts, on blocks of data that its fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, stats
+
+from .frf_observation import Seen
+from .intervals import block_sums
+from .inverse import Observation
+
+Array = NDArray[np.float64]
+
+BLOCK = 0.5  # s; residuals further apart than this are taken as independent, whatever they look like
+_CORRELATED = 0.1  # autocorrelation that counts as none
+_APART = 3  # times the lag of that, over which sums are taken as independent
+_FEWEST_ROWS = 4  # in a stretch
+_ENOUGH = 8  # stretches of a record that say how loud it is by itself
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What a plant leaves of the torque on blocks that its fit has not seen.
+
+    Attributes:
+        rows: (m,) residual of all observations, each block predicted without it, for a drive that delivers everything
+            [N m].
+        observations: that they belong to.
+    """
+
+    rows: Array
+    observations: Sequence[Seen]
+
+    @cached_property
+    def squares(self) -> Array:
+        """(blocks,) squared residual of each block of time [N^2 m^2]."""
+        return np.asarray(block_sums(self.observations, self.rows**2, BLOCK))
+
+    @cached_property
+    def total(self) -> float:
+        """Squared residual of all [N^2 m^2]."""
+        return float(np.einsum("i,i", self.rows, self.rows))
+
+    @property
+    def by_record(self) -> list[float]:
+        """Squared residual of each observation [N^2 m^2]."""
+        ends = np.cumsum([len(o.index) for o in self.observations])[:-1]
+        return [float(r @ r) for r in np.split(self.rows, ends)]
+
+
+def p_value(before: HeldOut, after: HeldOut) -> float:
+    """Of the hypothesis that what is added between the two does not help where it acts.
+
+    What the added effect changes in the prediction of a block follows from the other blocks alone. If it is real, that
+    change says by which share the squared error of each stretch of time falls; if not, the error rises by chance as
+    often as not. The fall is regressed on the one predicted, through zero, by a one-sided t-test with errors that may
+    differ from stretch to stretch (HC3; MacKinnon and White, J. Econometrics 29, 1985) and the degrees of freedom of
+    the stretches that count. So an effect that acts in one record or at reversals only is judged there. Stretches are
+    as long as what is left stays correlated with the change, at most `BLOCK`.
+    """
+    change = before.rows - after.rows
+    lengths = _lengths(after.observations, change * after.rows)
+    starts = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(int)
+    b, a, d = (np.add.reduceat(r**2, starts) for r in (before.rows, after.rows, change))
+    moved = d > 1e-18 * (a + b)  # where the axis stands still nothing is said
+    if np.count_nonzero(moved) < 3:
+        return 1.0
+    noise = lengths * _loudness(after.observations, lengths, a)
+    b, a, d, noise = b[moved], a[moved], d[moved], noise[moved]
+    predicted, fallen = d / (d + 2 * noise), (b - a) / (b + a)
+    power = float(predicted @ predicted)
+    slope = float(predicted @ fallen) / power
+    left = (fallen - slope * predicted) / np.maximum(1 - predicted**2 / power, 1e-9)
+    error = float(np.sqrt(np.sum((predicted * left) ** 2))) / power
+    freedom = max(power**2 / float(np.sum(predicted**4)) - 1, 0.5)
+    return float(stats.t.sf(slope / max(error, 1e-12), freedom))
+
+
+def _lengths(observations: Sequence[Seen], product: Array) -> NDArray[np.intp]:
+    """(stretches,) rows of each, from how long the product of change and error stays correlated."""
+    lag = correlated(product)
+    out: list[int] = []
+    for o in observations:
+        most = o.rows_per_block(BLOCK)
+        n = min(max(_APART * lag, _FEWEST_ROWS), most) if isinstance(o, Observation) else most
+        count = max(len(o.index) // n, 1)
+        out += [n] * (count - 1) + [len(o.index) - n * (count - 1)]
+    return np.array(out)
+
+
+def correlated(series: Array) -> int:
+    """The first lag at which a series (m,) is hardly correlated with itself; m where it always is."""
+    size = fft.next_fast_len(2 * len(series), real=True)
+    power = np.abs(fft.rfft(series, size)) ** 2
+    covariance = fft.irfft(power, size)[: len(series)]
+    low = np.flatnonzero(covariance < _CORRELATED * covariance[0])
+    return int(low[0]) if len(low) else len(series)
+
+
+def _loudness(observations: Sequence[Seen], lengths: NDArray[np.intp], squares: Array) -> Array:
+    """(stretches,) mean squared residual that is usual for the record of each: the median over its stretches."""
+    mean = squares / lengths
+    owner = np.searchsorted(np.cumsum([len(o.index) for o in observations]), np.cumsum(lengths) - 1, side="right")
+    out = np.full(len(mean), np.median(mean))
+    for i in np.unique(owner):
+        own = owner == i
+        if np.count_nonzero(own) >= _ENOUGH:
+            out[own] = np.median(mean[own])
+    return out
