@@ -286,10 +286,8 @@ def main() -> None:
     cells = len(entries) * len(columns)
     with Bar() as bar:
         for name, entry in entries.items():
-            tuned = {
-                f: tune(entry, models[False], budget, n_tune, steps // 2, f)
-                for f in {c.own_feedback for c in columns.values()}
-            }
+            tuned = {f: tune(entry, models[False], budget, n_tune, steps // 2, f)
+                     for f in {c.own_feedback for c in columns.values()}}
             costs, rows[name] = [], {}
             for column, c in columns.items():
                 bar((len(rows) - 1 + len(costs) / len(columns)) * len(columns) / cells, f"{name}, {column}")
@@ -298,10 +296,8 @@ def main() -> None:
                 costs.append(cost)
             sets = [", ".join(f"{k} {v:.3g}" for k, v in tuned[f].items()) or "defaults" for f in sorted(tuned)]
             notes[name] = f"{1e6 * np.median(costs):10.1f}  {'; own feedback: '.join(sets)}"
-    print(
-        f"rms tracking error [encoder counts]: inter-quartile mean [95 % interval] of {n} episodes of "
-        f"{steps * H:g} s; tuning: {budget} evaluations each; gms_mujoco {gms.__version__}"
-    )
+    print(f"rms tracking error [encoder counts]: inter-quartile mean [95 % interval] of {n} episodes of "
+          f"{steps * H:g} s; tuning: {budget} evaluations each; gms_mujoco {gms.__version__}")
     for some in filter(None, (list(columns)[:4], list(columns)[4:])):
         table(rows, some, iqm)
     print("\nratios of inter-quartile means on the same episodes; goals: at least 5, at most 1.5")

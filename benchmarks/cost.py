@@ -88,12 +88,8 @@ def gms(integration: str, stiffer: float = 1.0) -> Variant:
     def add(spec: mujoco.MjSpec) -> None:
         f = level(spec)
         law = effects.GMS(
-            stiffness=np.array([180.0, 90.0, 45.0, 20.0]) * f * stiffer,
-            fraction=[0.1, 0.2, 0.3, 0.4],
-            coulomb=f,
-            static=1.2 * f,
-            stribeck_velocity=0.8,
-            attraction=60 * f,
+            stiffness=np.array([180.0, 90.0, 45.0, 20.0]) * f * stiffer, fraction=[0.1, 0.2, 0.3, 0.4], coulomb=f,
+            static=1.2 * f, stribeck_velocity=0.8, attraction=60 * f,
         )
         plant = Plant.axis() + law
         engine.attach(spec, {j.name: plant for j in hinges(spec)}, integration)
@@ -115,7 +111,8 @@ def tendons(spec: mujoco.MjSpec) -> str:
 def lugre(spec: mujoco.MjSpec) -> str:
     f = level(spec)
     text = "".join(
-        f'<dcmotor joint="{j.name}" input="none" motorconst="0" resistance="1" lugre="{300 * f} 0 {f} {1.2 * f} 0.8"/>'
+        f'<dcmotor joint="{j.name}" input="none" motorconst="0" resistance="1" '
+        f'lugre="{300 * f} 0 {f} {1.2 * f} 0.8"/>'
         for j in hinges(spec)
     )
     return f"<actuator>{text}</actuator>"
@@ -304,8 +301,7 @@ def counts() -> dict[tuple[str, str], float]:
         options = [f"--callgrind-out-file={folder}/part", "--toggle-collect=mj_step", "--dump-before=mj_resetData"]
         subprocess.run(
             ["valgrind", "--tool=callgrind", *options, sys.executable, __file__, "--count"],
-            check=True,
-            capture_output=True,
+            check=True, capture_output=True,
         )
         parts = sorted(Path(folder).glob("part*"), key=lambda f: int(f.suffix[1:] or 10**9))
         sums = [int(n) for f in parts for n in re.findall(r"^totals: (\d+)", f.read_text(), re.M)]

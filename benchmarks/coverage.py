@@ -49,15 +49,8 @@ def measured(truth: Plant, level: float, rng: np.random.Generator) -> list[Recor
         torque = multisine(SAMPLES, H, low, high, size * level, rng)
         out.append(
             simulate(
-                truth,
-                torque,
-                H,
-                position=float(rng.uniform(0, 6)),
-                substeps=40,
-                resolution=demo.RESOLUTION,
-                torque_noise=demo.TORQUE_NOISE,
-                seed=int(rng.integers(2**31)),
-                name=name,
+                truth, torque, H, position=float(rng.uniform(0, 6)), substeps=40, resolution=demo.RESOLUTION,
+                torque_noise=demo.TORQUE_NOISE, seed=int(rng.integers(2**31)), name=name,
             )
         )
     return out

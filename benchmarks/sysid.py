@@ -85,7 +85,6 @@ def by_sysid(
             chunks.append(sysid.SystemTrajectory(model, commanded, measured, state, None))
     params = sysid.ParameterDict()
     for name, (value, put) in start.items():
-
         def modify(s: Any, p: Any, put: Modifier = put) -> None:
             put(s, 10 ** float(p.value[0]))
 

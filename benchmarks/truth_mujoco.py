@@ -98,7 +98,7 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
             f'damping="{2 * second["zeta"] * second["omega"] * second["inertia"]}"'
             if "flexible_coupling" in hidden
             else f'limited="true" range="{-second["gap"] / 2} {second["gap"] / 2}" '
-            f'solreflimit="{-(second["omega"] ** 2)} {-2 * second["omega"]}" solimplimit="0.99 0.99 0.001"'
+            f'solreflimit="{-second["omega"] ** 2} {-2 * second["omega"]}" solimplimit="0.99 0.99 0.001"'
         )
         i = second["inertia"]
         load = (
@@ -121,7 +121,7 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     <worldbody><body><joint name="shaft" axis="0 1 0" {joint}/>
     <inertial pos="{where}" mass="{mass}" diaginertia="{own} {own} {own}"/>{load}</body></worldbody>
     <tendon>{tendon}</tendon>
-    <actuator><general name="drive" joint="shaft"{drive}/>{"".join(actuators)}</actuator></mujoco>"""
+    <actuator><general name="drive" joint="shaft"{drive}/>{''.join(actuators)}</actuator></mujoco>"""
     return mujoco.MjModel.from_xml_string(xml), parts
 
 

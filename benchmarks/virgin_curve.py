@@ -136,12 +136,9 @@ def main(axes: int = 50, swept_axes: int = 10) -> None:
         what = f"stepped sines, held {held}" + ("" if coulomb == LEVEL else ", Stribeck")
         row(f"{what}, inertia known", known)
         row(f"{what}, inertia identified", free)
-        print(
-            f"    inertia error [%]: likelihood median {100 * np.median(inertia):.3f}, "
-            f"worst {100 * max(inertia):.3f}; "
-            f"describing function median {100 * np.median(read):.3f}, worst {100 * max(read):.3f}",
-            flush=True,
-        )
+        print(f"    inertia error [%]: likelihood median {100 * np.median(inertia):.3f}, "
+              f"worst {100 * max(inertia):.3f}; "
+              f"describing function median {100 * np.median(read):.3f}, worst {100 * max(read):.3f}", flush=True)
     speed(min(swept_axes, 3))
 
 

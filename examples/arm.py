@@ -50,9 +50,8 @@ class Hidden:
 
 
 def _payload(spec: mujoco.MjSpec) -> None:
-    spec.body("hand").add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.03, 0, 0], pos=[0, 0, 0.1], mass=0.5, contype=0, conaffinity=0
-    )
+    spec.body("hand").add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.03, 0, 0], pos=[0, 0, 0.1], mass=0.5,
+                               contype=0, conaffinity=0)
 
 
 def _stiffen(spec: mujoco.MjSpec) -> None:
@@ -81,18 +80,10 @@ def friction(joint: str) -> gms.Plant:
     level = 5.0 if joint in LARGE else 1.0
     distance = np.array([2e-4, 5e-4, 1.5e-3, 4e-3])  # rad, break-away of each element
     share = np.array([0.2, 0.3, 0.3, 0.2])
-    return (
-        gms.Plant.axis()
-        + effects.find("gms")(
-            stiffness=level * share / distance,
-            fraction=share,
-            coulomb=level,
-            static=1.2 * level,
-            stribeck_velocity=0.1,
-            attraction=20 * level,
-        )
-        + effects.find("viscous")(coefficient=0.6 * level)
-    )
+    return gms.Plant.axis() + effects.find("gms")(
+        stiffness=level * share / distance, fraction=share, coulomb=level, static=1.2 * level, stribeck_velocity=0.1,
+        attraction=20 * level,
+    ) + effects.find("viscous")(coefficient=0.6 * level)
 
 
 def references(
@@ -150,34 +141,21 @@ def measure(joint: str, hidden: Hidden, seed: int, duration: float) -> tuple[np.
 
 
 def write(
-    folder: Path,
-    joint: str,
-    seed: int = 0,
-    hidden: Hidden | None = None,
-    uses: tuple[str, ...] = USES,
+    folder: Path, joint: str, seed: int = 0, hidden: Hidden | None = None, uses: tuple[str, ...] = USES,
     duration: float = DURATION,
 ) -> Path:
     """A measurement set of one joint: logs of the whole arm and its MJCF."""
     names = list(HIDDEN)
-    lines = [
-        "[axis]",
-        f'model = "{(gms.MODELS / "arm.xml").as_posix()}"',
-        f'joint = "{joint}"',
-        f"encoder_counts_per_rev = {COUNTS}",
-    ]
+    lines = ["[axis]", f'model = "{(gms.MODELS / "arm.xml").as_posix()}"', f'joint = "{joint}"',
+             f"encoder_counts_per_rev = {COUNTS}"]
     columns = ", ".join(f'{name} = "q_{name}"' for name in names)
     for i, use in enumerate(uses):
         t, torque, position = measure(joint, hidden or HIDDEN[joint], 100 * seed + i, duration)
         table = {"t": t, "tau": torque[:, names.index(joint)]}
         table |= {f"q_{name}": position[:, k] for k, name in enumerate(names)}
         formats.write(folder / f"{joint}_{i}.npz", table)
-        lines += [
-            "",
-            "[[record]]",
-            f'file = "{joint}_{i}.npz"',
-            f'use = "{use}"',
-            f'columns = {{ time = "t", torque = "tau", position = {{ {columns} }} }}',
-        ]
+        lines += ["", "[[record]]", f'file = "{joint}_{i}.npz"', f'use = "{use}"',
+                  f'columns = {{ time = "t", torque = "tau", position = {{ {columns} }} }}']
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n")
     return folder
 
@@ -190,10 +168,8 @@ def main() -> int:
             found = gms.diagnose(gms.load(write(Path(folder), joint)))
         errors = " -> ".join(f"{100 * c.torque_error:.2f}" for c in found.comparisons)
         named = ", ".join(e.name for e in found) or found.verdict
-        print(
-            f"{joint:16} {HIDDEN[joint].name:24} {named:40} {errors:>20} {100 * found.noise_floor:9.2f}   "
-            f"{time.perf_counter() - began:.0f}"
-        )
+        print(f"{joint:16} {HIDDEN[joint].name:24} {named:40} {errors:>20} {100 * found.noise_floor:9.2f}   "
+              f"{time.perf_counter() - began:.0f}")
     return 0
 
 

@@ -222,24 +222,12 @@ def draw(path: str, frfs: dict, tracking: dict, times: dict) -> None:
         off = np.abs(target - t.settle.position) / COUNT
         axes[1, 1].semilogy(1e3 * (t.settle.time - MOVE_TIME), np.maximum(off, 0.3), **own)
         axes[1, 2].plot(t.ramp.time, 1e3 * t.ramp.torque, **own)
-    axes[0, 2].set(
-        title="2 Hz sine, PID of 50 Hz: glitch at each reversal",
-        xlabel="time [s]",
-        xlim=(0.5, 1.1),
-        ylabel="tracking error [counts]",
-    )
-    axes[1, 0].set(
-        title="stick-slip on a ramp of 0.03 rad/s, PID of 3 Hz",
-        xlabel="time [s]",
-        xlim=(0, 5),
-        ylabel="tracking error [counts]",
-    )
-    axes[1, 1].set(
-        title="settling after a move, PID of 20 Hz",
-        xlabel="time after the end of the move [ms]",
-        ylabel="|error| [counts], 0.3: none",
-        xlim=(-200, 300),
-    )
+    axes[0, 2].set(title="2 Hz sine, PID of 50 Hz: glitch at each reversal", xlabel="time [s]", xlim=(0.5, 1.1),
+                   ylabel="tracking error [counts]")
+    axes[1, 0].set(title="stick-slip on a ramp of 0.03 rad/s, PID of 3 Hz", xlabel="time [s]", xlim=(0, 5),
+                   ylabel="tracking error [counts]")
+    axes[1, 1].set(title="settling after a move, PID of 20 Hz", xlabel="time after the end of the move [ms]",
+                   ylabel="|error| [counts], 0.3: none", xlim=(-200, 300))
     axes[1, 1].axhline(1, color="k", lw=0.7, ls="--")
     axes[1, 2].set(title="torque on that ramp", xlabel="time [s]", ylabel="torque [mN m]", xlim=(0, 5))
     for a in axes.flat:

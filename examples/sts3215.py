@@ -57,10 +57,8 @@ def main() -> int:
         steps = position_servo.explain(begin(), short[::2], without=TIED_TO_THE_PLACE, progress=bar)
     plant = position_servo.fit(steps[-1].plant, short)
     print(table(steps, short, long))
-    print(
-        f"{'refitted on all its runs':28}{position_servo.error(plant, short):10.4f}  "
-        f"{position_servo.error(plant, long):10.4f}"
-    )
+    print(f"{'refitted on all its runs':28}{position_servo.error(plant, short):10.4f}  "
+          f"{position_servo.error(plant, long):10.4f}")
     tried = ", ".join(f"{name} (p = {p:.1g})" for name, p in steps[-1].rejected)
     print(f"tried and left out: {tried}")
     if len(sys.argv) > 2:

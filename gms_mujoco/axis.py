@@ -45,9 +45,7 @@ class Mechanism:
     """
 
     def __init__(
-        self,
-        plant: Plant | str | os.PathLike[str],
-        model: mujoco.MjSpec | str | os.PathLike[str] | None = None,
+        self, plant: Plant | str | os.PathLike[str], model: mujoco.MjSpec | str | os.PathLike[str] | None = None,
         joint: str | None = None,
     ) -> None:
         found = plant_of(plant)

@@ -117,10 +117,8 @@ def measure(
         raise DataError("no excitation; at least one is needed")
     first = waves[0]
     for w in waves:
-        if (
-            len(w.wave) != len(first.wave)
-            or w.sample_time != first.sample_time
-            or not np.array_equal(w.lines, first.lines)
+        if len(w.wave) != len(first.wave) or w.sample_time != first.sample_time or not np.array_equal(
+            w.lines, first.lines
         ):
             raise DataError("realisations must have equal period, sample time and lines; see Excitation.realisations")
     records, signals = [], []

@@ -93,115 +93,64 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("demo", _demo, "simulate a servo axis with a hidden effect and find it", "demo --seed 3 -o demo")
     sub.add_argument("--seed", type=int, default=0, help="draws the axis and the effect it hides (default: 0)")
-    sub.add_argument(
-        "-o",
-        "--output",
-        default="gms-mujoco-demo",
-        metavar="DIR",
-        help="folder for data and results (default: gms-mujoco-demo)",
-    )
+    sub.add_argument("-o", "--output", default="gms-mujoco-demo", metavar="DIR",
+                     help="folder for data and results (default: gms-mujoco-demo)")
 
-    sub = command(
-        "fit",
-        _fit,
-        "identify the parameters of a plant from measured records",
-        "fit measurements/ --effects gms,viscous,cogging -o model.toml",
-    )
+    sub = command("fit", _fit, "identify the parameters of a plant from measured records",
+                  "fit measurements/ --effects gms,viscous,cogging -o model.toml")
     dataset(sub)
     sub.add_argument("-o", "--output", required=True, metavar="MODEL.toml", help="the identified plant")
     sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
-    sub.add_argument(
-        "--elements",
-        metavar="N",
-        help="of gms; auto: as few as the data ask for (default: auto from frequency responses alone, else 8)",
-    )
+    sub.add_argument("--elements", metavar="N", help="of gms; auto: as few as the data ask for "
+                     "(default: auto from frequency responses alone, else 8)")
 
-    sub = command(
-        "compare",
-        _compare,
-        "score a plant against measured records, one by one and pooled",
-        "compare model.toml measurements/ --report compare.html",
-    )
+    sub = command("compare", _compare, "score a plant against measured records, one by one and pooled",
+                  "compare model.toml measurements/ --report compare.html")
     sub.add_argument("model", metavar="MODEL.toml", help="plant to score")
     dataset(sub)
     sub.add_argument("--json", metavar="FILE", help="write the scores and every view of the residual to this file")
     sub.add_argument("--report", metavar="FILE.html", help="write a page that shows where the plant fails")
 
-    sub = command(
-        "diagnose",
-        _diagnose,
-        "find the effects that a plant lacks, add them and fit again",
-        "diagnose measurements/ -o diagnosis",
-    )
+    sub = command("diagnose", _diagnose, "find the effects that a plant lacks, add them and fit again",
+                  "diagnose measurements/ -o diagnosis")
     dataset(sub)
     sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous)")
-    sub.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="DIR",
-        help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html",
-    )
+    sub.add_argument("-o", "--output", required=True, metavar="DIR",
+                     help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
     sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
 
-    sub = command(
-        "frf",
-        _frf,
-        "estimate frequency responses, and read friction from the Dahl resonance",
-        "frf measurements/ -o responses.csv",
-    )
+    sub = command("frf", _frf, "estimate frequency responses, and read friction from the Dahl resonance",
+                  "frf measurements/ -o responses.csv")
     dataset(sub)
     sub.add_argument("-o", "--output", metavar="FILE.csv", help="write every response to this file")
     sub.add_argument("--period", type=float, metavar="SECONDS", help="of the excitation (default: found in the torque)")
-    sub.add_argument(
-        "--segment",
-        type=float,
-        metavar="SECONDS",
-        help="for excitation without period: length of the averaged segments",
-    )
+    sub.add_argument("--segment", type=float, metavar="SECONDS",
+                     help="for excitation without period: length of the averaged segments")
 
-    sub = command(
-        "attach",
-        _attach,
-        "put the effects of a plant on joints of a MuJoCo model",
-        "attach model.toml robot.xml --joint elbow -o robot_with_friction.xml",
-    )
+    sub = command("attach", _attach, "put the effects of a plant on joints of a MuJoCo model",
+                  "attach model.toml robot.xml --joint elbow -o robot_with_friction.xml")
     sub.add_argument("model", metavar="MODEL.toml", help="plant whose effects the joints get")
     sub.add_argument("robot", metavar="ROBOT.xml", help="MJCF model, left as it is")
     sub.add_argument("--joint", required=True, action="append", metavar="NAME", help="hinge or slide; may be repeated")
     sub.add_argument("-o", "--output", required=True, metavar="OUT.xml", help="the model with friction")
 
-    sub = command(
-        "train",
-        _train,
-        "train the learning baseline of friction compensation, and test it against a PID",
-        "train -o policy",
-    )
-    sub.add_argument(
-        "-o", "--output", required=True, metavar="DIR", help="gets policy.json, training.json and recording.rrd"
-    )
-    sub.add_argument(
-        "--plant", default="servo_axis", metavar="MODEL.toml", help="file, or preset by name (default: servo_axis)"
-    )
+    sub = command("train", _train, "train the learning baseline of friction compensation, and test it against a PID",
+                  "train -o policy")
+    sub.add_argument("-o", "--output", required=True, metavar="DIR",
+                     help="gets policy.json, training.json and recording.rrd")
+    sub.add_argument("--plant", default="servo_axis", metavar="MODEL.toml",
+                     help="file, or preset by name (default: servo_axis)")
     sub.add_argument("--model", metavar="ROBOT.xml", help="MJCF model, to train on a joint of it")
     sub.add_argument("--joint", metavar="NAME", help="of that model")
     sub.add_argument("--seed", type=int, default=0, help="draws candidates and episodes (default: 0)")
     sub.add_argument("--generations", type=int, default=30, metavar="N", help="default: 30")
     sub.add_argument("--bandwidth", type=float, default=50.0, metavar="HZ", help="of the PID (default: 50)")
 
-    sub = command(
-        "view",
-        _view,
-        "open a recording, draw the friction of a plant, or let a MuJoCo model go and look",
-        "view robot_with_friction.xml --seconds 5",
-    )
-    sub.add_argument(
-        "path",
-        metavar="PATH",
-        help="a .rrd file; the folder that diagnose, demo or train wrote; a "
-        "model.toml or a plant by name, whose curves are drawn; or an MJCF model, which is let go where "
-        "it begins",
-    )
+    sub = command("view", _view, "open a recording, draw the friction of a plant, or let a MuJoCo model go and look",
+                  "view robot_with_friction.xml --seconds 5")
+    sub.add_argument("path", metavar="PATH", help="a .rrd file; the folder that diagnose, demo or train wrote; a "
+                     "model.toml or a plant by name, whose curves are drawn; or an MJCF model, which is let go where "
+                     "it begins")
     sub.add_argument("--screenshot", metavar="OUT.png", help="write a picture instead of opening a window")
     sub.add_argument("--seconds", type=float, default=3.0, metavar="S", help="of a model's motion (default: 3)")
     sub.add_argument("-o", "--output", metavar="OUT.rrd", help="keep the recording of a model here")
@@ -263,9 +212,8 @@ def _compare(options: argparse.Namespace) -> None:
         files.write_text(output, as_json({**scores.to_dict(), "by_use": by_use}))
     print(scores)
     for use, pooled in by_use.items():
-        print(
-            f"{use}: torque error {100 * pooled['torque_error']:.2f} %, noise floor {100 * pooled['noise_floor']:.2f} %"
-        )
+        print(f"{use}: torque error {100 * pooled['torque_error']:.2f} %, "
+              f"noise floor {100 * pooled['noise_floor']:.2f} %")
     if page:
         files.write_text(page, render_comparison(scores, Path(options.model).stem))
         print(f"wrote {page}")
@@ -311,10 +259,8 @@ def _frf(options: argparse.Namespace) -> None:
     if output:
         files.write_text(output, to_csv(found))
     unit = "rad" if runs.kind == "hinge" else "m"
-    print(
-        f"{'response':28} {'points':>6} {'from [Hz]':>10} {'to [Hz]':>10} {'amplitude [' + unit + ']':>22} "
-        f"{'resonance [Hz]':>14} {'coherence':>9}"
-    )
+    print(f"{'response':28} {'points':>6} {'from [Hz]':>10} {'to [Hz]':>10} {'amplitude [' + unit + ']':>22} "
+          f"{'resonance [Hz]':>14} {'coherence':>9}")
     for f in found:
         resonance, size = None, "unknown"
         if f.amplitude is not None:
@@ -322,17 +268,13 @@ def _frf(options: argparse.Namespace) -> None:
             resonance = find_resonance(f) if f.input in ("torque", "load") else None
         tuned = "none" if resonance is None else f"{resonance.frequency:.4g}"
         coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
-        print(
-            f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
-            f"{coherence:>9}"
-        )
+        print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
+              f"{coherence:>9}")
     print()
     try:
         print(_reading(identify_dahl([f for f in found if f.use == "fit"], runs.inertia, kind=runs.kind), runs.kind))
-        print(
-            f"For the final numbers, with the Stribeck curve and intervals: {PROGRAM} fit {options.dataset} "
-            "-o model.toml"
-        )
+        print(f"For the final numbers, with the Stribeck curve and intervals: {PROGRAM} fit {options.dataset} "
+              "-o model.toml")
     except DataError as error:
         print(f"no friction read from the resonance: {error}")
     if output:

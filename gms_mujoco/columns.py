@@ -111,9 +111,8 @@ def column(table: formats.Table, label: str, at: Any, guessed: str | None = None
         raise DataError(f"column {at!r}: {table.unusable[at]}")
     if at not in table.columns:
         hint = f"; name it with columns = {{ {guessed} = ... }}" if guessed else ""
-        raise DataError(
-            f"no column {at!r} for {label.removeprefix('columns.')}; the file has {listing(table.columns)}{hint}"
-        )
+        raise DataError(f"no column {at!r} for {label.removeprefix('columns.')}; "
+                        f"the file has {listing(table.columns)}{hint}")
     return np.array(table.columns[at], float)
 
 

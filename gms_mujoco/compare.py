@@ -154,9 +154,8 @@ class Comparison:
         shown = [table(self.frfs)] if self.frfs else []
         if not self.records:
             pooled = (self.torque_error, self.noise_floor, self.simulation_error)
-            return "\n".join(
-                [*shown, "pooled: torque {:.2f}, floor {:.2f}, simulation {:.2f} %".format(*(100 * e for e in pooled))]
-            )
+            return "\n".join([*shown, "pooled: torque {:.2f}, floor {:.2f}, simulation {:.2f} %".format(
+                *(100 * e for e in pooled))])
         width = max([len(r.name) for r in self.records] + [6])
         lines = [
             *shown,
@@ -166,7 +165,9 @@ class Comparison:
         rows = [(r.name, r.use, r.torque_error, r.noise_floor, r.simulation_error) for r in self.records]
         rows.append(("pooled", "", self.torque_error, self.noise_floor, self.simulation_error))
         for name, use, torque, floor, simulation in rows:
-            lines.append(f"{name:{width}}  {use:8}  {100 * torque:8.2f}  {100 * floor:8.2f}  {100 * simulation:10.2f}")
+            lines.append(
+                f"{name:{width}}  {use:8}  {100 * torque:8.2f}  {100 * floor:8.2f}  {100 * simulation:10.2f}"
+            )
         return "\n".join([*lines, self.where])
 
 

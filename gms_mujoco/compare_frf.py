@@ -164,18 +164,14 @@ def simulated_response(plant: Plant, o: FrfObservation) -> Complex:
 def table(rows: tuple[FrfComparison, ...]) -> str:
     """Errors in percent, and resonance and damping ratio, measured and of the plant, from small amplitude to large."""
     width = max([len(r.name) for r in rows] + [8])
-    lines = [
-        f"{'response':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}  "
-        f"{'resonance [Hz]':>18}  {'damping ratio':>17}   measured / plant"
-    ]
+    lines = [f"{'response':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}  "
+             f"{'resonance [Hz]':>18}  {'damping ratio':>17}   measured / plant"]
     for r in sorted(rows, key=lambda r: float(np.median(r.amplitude))):
         both = (r.resonance, r.model_resonance)
         tuned = " / ".join("-" if x is None else f"{x.frequency:.4g}" for x in both)
         damped = " / ".join("-" if x is None else f"{0.5 * x.loss(r.inertia):.3g}" for x in both)
-        lines.append(
-            f"{r.name:{width}}  {r.use:8}  {100 * r.torque_error:8.2f}  {100 * r.noise_floor:8.2f}  "
-            f"{100 * r.simulation_error:10.2f}  {tuned:>18}  {damped:>17}"
-        )
+        lines.append(f"{r.name:{width}}  {r.use:8}  {100 * r.torque_error:8.2f}  {100 * r.noise_floor:8.2f}  "
+                     f"{100 * r.simulation_error:10.2f}  {tuned:>18}  {damped:>17}")
     return "\n".join(lines)
 
 

@@ -312,18 +312,8 @@ def _reading(
         "determined: constant-velocity runs and reversals at speed determine them"
     )
     text = "; ".join(said)
-    return DahlReading(
-        plant,
-        breakaway,
-        stiffness,
-        stuck,
-        inertia,
-        viscous,
-        (low, high),
-        error,
-        resonances,
-        text if kind == "hinge" else slide_unit(text),
-    )
+    return DahlReading(plant, breakaway, stiffness, stuck, inertia, viscous, (low, high), error, resonances,
+                       text if kind == "hinge" else slide_unit(text))
 
 
 def _merged(grid: Array, weight: Array) -> tuple[Array, Array]:

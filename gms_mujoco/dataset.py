@@ -111,10 +111,8 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         entries = [e for i, e in enumerate(_list(table, "record"), 1) if axis.has(e, f"record {i}")]
         frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(_list(table, "frf"), 1))
         if not entries and not frfs:
-            raise DataError(
-                "no [[record]] and no [[frf]]; a measurement set needs at least one"
-                + (f" for joint {axis.joint.name}" if axis.robot else "")
-            )
+            raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
+                            + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
         records, others = [], []
         for i, entry in enumerate(entries, 1):
@@ -176,7 +174,9 @@ def save(
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 
-def _record(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[Record, dict[str, Array], list[str]]:
+def _record(
+    key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
+) -> tuple[Record, dict[str, Array], list[str]]:
     """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each."""
     expect_known(entry, _KEYS["record"], f"{key}: ")
     name = entry.get("file")
@@ -195,7 +195,7 @@ def _record(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tup
                 if what in chosen and not isinstance(entry["columns"][what], Mapping):
                     raise DataError(
                         f"columns.{what}: the set is of several joints; give a column for each, as in "
-                        f'{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = "..." here'
+                        f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
                     )
         unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
         scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
@@ -210,10 +210,8 @@ def _record(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tup
             )  # fmt: skip
         if "current" in signals:
             if axis.torque_constant is None:
-                raise DataError(
-                    "the record has current, not torque: axis.torque_constant [N m/A] is needed, "
-                    'or torque_constant = "unknown" to stay in A'
-                )
+                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
+                                'or torque_constant = "unknown" to stay in A')
             signals["torque"] = axis.torque_constant * signals.pop("current")
         notes = [plausible.trimmed(signals)]
         columns.check(table, signals)

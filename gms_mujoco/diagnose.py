@@ -92,7 +92,8 @@ class Diagnosis:
             "bandwidth_hz": max(o.bandwidth for o in self.steps[0].result.misfit.observations),
             "steps": [_step_dict(s, self.plant) for s in self.steps],
             "candidates": [
-                {"effect": c.effect, "validate_error": c.validate_error, "p_value": c.p_value} for c in self.candidates
+                {"effect": c.effect, "validate_error": c.validate_error, "p_value": c.p_value}
+                for c in self.candidates
             ],
             "remainder": self.remainder or None,
             "next_experiment": self.next_experiment,
@@ -226,7 +227,9 @@ def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: fl
     return Diagnosis(verdict, floor, steps, rejected, remainder, following)
 
 
-def _with_shapes(found: Diagnosis, shapes: Sequence[Shape], search: Search, validate: Sequence[Seen]) -> Diagnosis:
+def _with_shapes(
+    found: Diagnosis, shapes: Sequence[Shape], search: Search, validate: Sequence[Seen]
+) -> Diagnosis:
     """The diagnosis with the user's own candidates, scored on the final plant."""
     last, comparison = search.steps[-1].result, found.steps[-1].comparison
     screen = Screen(last.misfit, last.vector)

@@ -207,7 +207,10 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     if missing := undetermined(plant):
         provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
     plant = replace(plant, provenance=provenance)
-    status = f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, noise floor {100 * floor:.2f} %"
+    status = (
+        f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
+        f"noise floor {100 * floor:.2f} %"
+    )
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
     return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))

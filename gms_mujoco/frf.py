@@ -268,7 +268,8 @@ def estimate_frf(
         notes += ("corrected for a torque held from sample to sample",)
     alone = samples is not None and len(frequency) == 1
     unit = response_unit(input, output, kind)
-    return FRF(title, frequency, response, input, output, unit, sine=alone, use=runs[0].use, notes=notes, **values)
+    return FRF(title, frequency, response, input, output, unit, sine=alone, use=runs[0].use, notes=notes,
+               **values)
 
 
 def with_amplitude(frf: FRF) -> FRF:

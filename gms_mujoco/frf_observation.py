@@ -159,7 +159,7 @@ class FrfObservation:
     @cached_property
     def acceleration(self) -> Array:
         """(2 n,) rows of the acceleration."""
-        return self._rows((-(self.frf.omega**2) * self.size).astype(complex))
+        return self._rows((-self.frf.omega**2 * self.size).astype(complex))
 
     def applied(self, plant: Plant, skew: float = 0.0) -> Array:
         """(2 n,) rows of the torque that the drive of `plant` delivered."""
@@ -321,7 +321,9 @@ def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfOb
     return out
 
 
-def without_outliers(observations: Sequence[FrfObservation], residuals: Sequence[Array]) -> list[FrfObservation] | None:
+def without_outliers(
+    observations: Sequence[FrfObservation], residuals: Sequence[Array]
+) -> list[FrfObservation] | None:
     """The observations with points that stand alone given the deviation that they show; None where there are none.
 
     A physical effect acts on the neighbours of a point too, or at the same frequency at other amplitudes. What does

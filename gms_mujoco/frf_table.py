@@ -124,18 +124,8 @@ def from_table(
     said = f"{len(where)} frequencies, {where[0]:.4g} to {where[-1]:.4g} Hz"
     if repeats.max() > 1:
         said += f", mean of {repeats.min()} to {repeats.max()} repeats ({rejected} outliers without weight)"
-    return FRF(
-        name,
-        where,
-        mean,
-        input,
-        output,
-        response_unit(input, output, kind),
-        sigma=sigma,
-        use=use,
-        notes=(what, said, *notes),
-        **values,
-    )
+    return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
+               notes=(what, said, *notes), **values)
 
 
 def from_control(
@@ -166,9 +156,8 @@ def from_control(
     try:
         omega, data = np.asarray(frd.omega, float), np.asarray(frd.frdata, complex)
     except (AttributeError, TypeError, ValueError):
-        raise DataError(
-            f"expected an object of python-control with omega and frdata; {type(frd).__name__} given"
-        ) from None
+        raise DataError(f"expected an object of python-control with omega and frdata; {type(frd).__name__} given") \
+            from None
     if data.ndim != 3 or omega.shape != data.shape[2:]:
         raise DataError(f"frdata has shape {data.shape}, omega {omega.shape}; expected (outputs, inputs, frequencies)")
     if not (0 <= entry[0] < data.shape[0] and 0 <= entry[1] < data.shape[1]):
@@ -352,9 +341,8 @@ def _unit(key: str, raw: Mapping[str, tuple[Array, str]], declared: Mapping[str,
     if key == "phase" and np.ptp(values) > 60:
         return "deg"  # ten turns
     choices = " or ".join(list(known)[:3:2] if key == "frequency" else list(known)[:2])
-    raise DataError(
-        f"{key}: {choices}? The file does not say; write units = {{ {key} = ... }} with one of {listing(known)}"
-    )
+    raise DataError(f"{key}: {choices}? The file does not say; write units = {{ {key} = ... }} with one of "
+                    f"{listing(known)}")
 
 
 def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) -> Complex:
@@ -366,7 +354,7 @@ def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) ->
             raise DataError(f"magnitude reaches {np.abs(size).max():g} {found['magnitude']}; is it abs?")
         size = 10 ** (size / base)
     elif size.min() <= 0:
-        raise DataError(f'magnitude is {size.min():g}, and abs is positive; dB? Write units = {{ magnitude = "dB" }}')
+        raise DataError(f"magnitude is {size.min():g}, and abs is positive; dB? Write units = {{ magnitude = \"dB\" }}")
     return size * np.exp(1j * _UNITS["phase"][found["phase"]] * raw["phase"][0])
 
 

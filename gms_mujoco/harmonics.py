@@ -71,7 +71,9 @@ class Balance:
     good: NDArray[np.bool_]
 
 
-def balance(joint: native.Joint, inertia: float, size: Array, omega: Array, extra: Complex | None = None) -> Balance:
+def balance(
+    joint: native.Joint, inertia: float, size: Array, omega: Array, extra: Complex | None = None
+) -> Balance:
     """The harmonics of motions with a given fundamental.
 
     Args:

@@ -262,10 +262,7 @@ def _normal(rng: np.random.Generator, population: int, size: int) -> Array:
 
 
 def _rms(
-    envs: ServoTrackingVector,
-    controller: Residual,
-    seed: Any = None,
-    episodes: Any = None,
+    envs: ServoTrackingVector, controller: Residual, seed: Any = None, episodes: Any = None,
     trace: list[Array] | None = None,
 ) -> Array:
     """(n,) rms of the true tracking error [rad]; of an axis that ran away, the distance at which that is so."""

@@ -55,10 +55,8 @@ class Axis:
         if self.robot and table.get("inertia") == "model":
             self.inertia: float | None = self.robot.inertia
         elif self.robot and "inertia" in table:
-            raise DataError(
-                'axis.inertia: beside axis.model only "model" (known, not identified) can be given; '
-                f"{table['inertia']!r} given"
-            )
+            raise DataError('axis.inertia: beside axis.model only "model" (known, not identified) can be given; '
+                            f"{table['inertia']!r} given")
         else:
             self.inertia = _positive(table, "inertia", "kg m^2" if kind == "hinge" else "kg")
         own = columns.of_joint({k: v for k, v in table.items() if k == "torque_constant"}, "axis", self.joint)[0]
@@ -66,10 +64,8 @@ class Axis:
         if self.in_amperes:
             for key in ("model", "inertia"):
                 if key in table:
-                    raise DataError(
-                        f'axis.torque_constant = "unknown" leaves torque in A, which axis.{key} cannot be '
-                        "compared with; leave one of them out"
-                    )
+                    raise DataError(f'axis.torque_constant = "unknown" leaves torque in A, which axis.{key} cannot be '
+                                    "compared with; leave one of them out")
             own["torque_constant"] = 1.0
         self.torque_constant = number(own, "torque_constant", "axis.", "N m/A" if kind == "hinge" else "N/A")
 
@@ -86,10 +82,8 @@ class Axis:
         if not self.names:
             raise DataError("axis.model needs axis.joint, the name of a joint or a list of names")
         if joint is None and len(self.names) > 1:
-            raise DataError(
-                f"the set is of several joints, {listing(self.names)}: choose one, as in "
-                f"load(path, joint={self.names[0]!r}) or --joint {self.names[0]}"
-            )
+            raise DataError(f"the set is of several joints, {listing(self.names)}: choose one, as in "
+                            f"load(path, joint={self.names[0]!r}) or --joint {self.names[0]}")
         if joint is not None and joint not in self.names:
             raise DataError(f"the set is not of a joint {joint!r}; it is of {listing(self.names)}")
         pose = subtable(table, "pose")

@@ -96,7 +96,9 @@ def _variances(shapes: Array, density: Array) -> Array:
     return np.asarray(variance / scale)
 
 
-def refine_noise(noise: Noise, observations: Sequence[Seen], residuals: Sequence[Array], inertia: float = 0.0) -> Noise:
+def refine_noise(
+    noise: Noise, observations: Sequence[Seen], residuals: Sequence[Array], inertia: float = 0.0
+) -> Noise:
     """The noise, with that of the torque no larger than what a model has left most of the time.
 
     What a model leaves over is noise and its own errors; the median over short segments and over frequencies

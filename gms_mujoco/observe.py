@@ -64,7 +64,9 @@ def observe(
     return [*seen, *rescaled(_balanced(observe_frfs(frfs), inertia, plant), scale)]
 
 
-def _balanced(observations: list[FrfObservation], inertia: float | None, plant: Plant | None) -> list[FrfObservation]:
+def _balanced(
+    observations: list[FrfObservation], inertia: float | None, plant: Plant | None
+) -> list[FrfObservation]:
     try:
         near = plant or identify_dahl([o.frf for o in observations], inertia).plant
     except DataError:  # nothing that is read as friction: no harmonics to begin with

@@ -132,7 +132,9 @@ def said(value: Any) -> str:
 def where_it_fails(shown: Shown) -> str:
     """Regimes and views of the residual over all records, of one model or of the first and the last."""
     first = shown[0][1]
-    lines = "".join(f"<p><b>{escape(name)}:</b> {escape(c.where).replace(chr(10), '; ')}.</p>" for name, c, _ in shown)
+    lines = "".join(
+        f"<p><b>{escape(name)}:</b> {escape(c.where).replace(chr(10), '; ')}.</p>" for name, c, _ in shown
+    )
     key = figure.legend([(name, colour) for name, _, colour in shown], NOISE)
     most, rest = telling(first)
     parts = [lines, _regimes(shown), key, _grid([view_figure(shown, m) for m in most])]
@@ -168,7 +170,9 @@ def view_figure(shown: Shown, like: ResidualMap) -> str:
             said.append(f"{escape(name)} {100 * m.share:.0f} %")
     note = f"{', '.join(said)} of its square" if said else like.detail
     note = f" <small>{note}</small>" if note else ""
-    picture = figure.plot(curves, like.label, like.unit, like.value_label, like.value_unit, bands=bands, log=like.log)
+    picture = figure.plot(
+        curves, like.label, like.unit, like.value_label, like.value_unit, bands=bands, log=like.log
+    )
     return f"<h4>{escape(like.title[:1].upper() + like.title[1:])}{note}</h4>{picture}"
 
 

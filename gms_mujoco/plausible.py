@@ -72,16 +72,12 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     unit = "kg m^2" if kind == "hinge" else "kg"
     longest = max(records, key=lambda r: r.sample_time)
     if longest.sample_time > _SLOW:
-        said.append(
-            f"{longest.name}: samples are {longest.sample_time:g} s apart; if its time is in milliseconds, say "
-            'units = { time = "ms" }'
-        )
+        said.append(f"{longest.name}: samples are {longest.sample_time:g} s apart; if its time is in milliseconds, say "
+                    'units = { time = "ms" }')
     fitted = [r for r in records if r.use == "fit"]
     if fitted and sum(map(len, fitted)) < _FEW:
-        said.append(
-            f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
-            "from another"
-        )
+        said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
+                    "from another")
     found = _rough(fitted or list(records))
     if found is None or sum(map(len, fitted or records)) < _ENOUGH:
         return said
@@ -96,10 +92,8 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
         ratio = max(rough / inertia, inertia / rough)
         if ratio > _OFF:
             hint = next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < 0.3), "")
-            said.append(
-                f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
-                f"given: {ratio:.3g} times off{hint}"
-            )
+            said.append(f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
+                        f"given: {ratio:.3g} times off{hint}")
     return said
 
 

@@ -247,7 +247,7 @@ class ServoObservation:
         """Itself."""
         return self
 
-    def grid(self, plant: Plant, memory: Array | None = None) -> None:
+    def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> None:
         """None: nothing is replayed."""
 
     @property

@@ -178,10 +178,8 @@ class Residuals:
         edges = inner if name == "revolution" else np.unique(np.quantile(x[known], inner))
         groups = [np.where(np.isfinite(v), np.searchsorted(edges, v), -1) for v in xs]
         signs = [s.direction if along else np.ones(len(p)) for s, p in zip(self._swings, self._parts, strict=True)]
-        values, sampled = (
-            [p * s if along else p for p, s in zip(parts, signs, strict=True)]
-            for parts in (self._parts, [r.sampling for r in self.records])
-        )
+        values, sampled = ([p * s if along else p for p, s in zip(parts, signs, strict=True)]
+                          for parts in (self._parts, [r.sampling for r in self.records]))
         mean, band, count = self._noise.means(groups, values, self._drawn, len(edges) + 1)
         expected = group_means(np.concatenate(groups), np.concatenate(sampled), len(edges) + 1)
         centres = group_means(np.concatenate(groups), x, len(edges) + 1)

@@ -75,15 +75,16 @@ class Robot:
             self.model = load(str(self.path))
         except ValueError as error:
             raise DataError(f"axis.model ({path}): MuJoCo cannot load it ({' '.join(str(error).split())})") from None
-        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        self.model.opt.disableflags |= int(
+            mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR
+        )
         self.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self._index = {
             self.model.joint(i).name: i for i in range(self.model.njnt) if int(self.model.jnt_type[i]) in _KINDS
         }
         if joint not in self._index:
-            raise DataError(
-                f"axis.joint: {self.path.name} has no hinge or slide joint {joint!r}; it has {listing(self._index)}"
-            )
+            raise DataError(f"axis.joint: {self.path.name} has no hinge or slide joint {joint!r}; it has "
+                            f"{listing(self._index)}")
         self._rest = np.array(self.model.qpos0)
         for name, value in (pose or {}).items():
             if name not in self._index:

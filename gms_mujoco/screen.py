@@ -289,7 +289,9 @@ def shapes(
         yield dict(zip(grids, chosen, strict=True))
 
 
-def _grid(effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen]) -> Sequence[float] | Array:
+def _grid(
+    effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen]
+) -> Sequence[float] | Array:
     """What a parameter may typically be, by its unit and what the records span."""
     span = float(np.median([np.ptp(o.position) for o in observations]))
     if p.unit == "1/rev":
@@ -441,7 +443,9 @@ class LinearModel:
     def _scaled(self, columns: Array) -> Array:
         return columns / np.sqrt(np.mean(columns**2, 0)).clip(1e-300)
 
-    def _folds(self, grams: Array, fold: NDArray[np.intp] | None = None) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    def _folds(
+        self, grams: Array, fold: NDArray[np.intp] | None = None
+    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
         """Blocks of each fold, and the move (p,) that fits the others best."""
         own, p = self.tangents.shape[1], grams.shape[1] - 1
         ridge = np.diag(np.append(np.full(own, self.prior**2), np.full(p - own, 1e-9 * len(self.residual))))

@@ -109,17 +109,8 @@ class Axes:
 
     def _draw(self, rng: np.random.Generator, episode: int | None) -> Episode:
         return draw(
-            self.plant,
-            self.scale,
-            rng,
-            self.episode_steps + 2,
-            self.sample_time,
-            self.tasks,
-            self.spread,
-            self.memory,
-            self.mechanism.start,
-            self.split,
-            episode,
+            self.plant, self.scale, rng, self.episode_steps + 2, self.sample_time, self.tasks, self.spread,
+            self.memory, self.mechanism.start, self.split, episode,
         )
 
     def _encoder(self, time: Array, position: Array) -> Array:

@@ -77,7 +77,9 @@ def period_spectra(x: Array, n: int, transient: int) -> Complex:
     return np.asarray(np.fft.rfft(kept, axis=1) * (2 / n))
 
 
-def periodic(name: str, us: list[Array], ys: list[Array], rs: list[Array], n: int, transient: int, h: float) -> Found:
+def periodic(
+    name: str, us: list[Array], ys: list[Array], rs: list[Array], n: int, transient: int, h: float
+) -> Found:
     if min(map(len, us)) < (transient + 1) * n:
         raise DataError(f"{name}: {min(map(len, us))} samples; {transient + 1} periods of {n} are needed")
     U, Y, R = ([period_spectra(x, n, transient) for x in xs] for xs in (us, ys, rs))

@@ -57,12 +57,8 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
     out = []
     for factor in _STRIBECK_VELOCITIES:
         started = _with(
-            gms,
-            stiffness=stiffness,
-            coulomb=level,
-            static=1.05 * level,
-            stribeck_velocity=min(factor * scales["rad/s"], fastest),
-            attraction=0.1 * level / scales["s"],
+            gms, stiffness=stiffness, coulomb=level, static=1.05 * level,
+            stribeck_velocity=min(factor * scales["rad/s"], fastest), attraction=0.1 * level / scales["s"],
         )
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))

@@ -12,28 +12,11 @@ _LBF, _INCH = 4.4482216152605, 0.0254
 COUNTS = ("count", "counts")  # encoder counts: their size is a property of the axis
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-_ANGLE = {
-    "rad": 1.0,
-    "mrad": 1e-3,
-    "urad": 1e-6,
-    "deg": _REV / 360,
-    "arcmin": _REV / 21600,
-    "arcsec": _REV / 1296000,
-    "rev": _REV,
-    "turn": _REV,
-}
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
+          "rev": _REV, "turn": _REV}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
-_TORQUE = {
-    "Nm": 1.0,
-    "kNm": 1e3,
-    "mNm": 1e-3,
-    "uNm": 1e-6,
-    "Ncm": 1e-2,
-    "Nmm": 1e-3,
-    "kgfcm": 0.0980665,
-    "lbfin": _LBF * _INCH,
-    "ozfin": _LBF * _INCH / 16,
-}
+_TORQUE = {"Nm": 1.0, "kNm": 1e3, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665,
+           "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16}
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
 _CURRENT = {"A": 1.0, "mA": 1e-3, "uA": 1e-6}
 _SPEED = {f"{unit}/s": factor for unit, factor in _ANGLE.items()} | {"rpm": _REV / 60, "rev/min": _REV / 60}

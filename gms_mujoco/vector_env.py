@@ -92,7 +92,9 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         for i in rows:
             self.task.begin(i)
 
-    def step(self, actions: NDArray[Any]) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Holds the torques for one sample; (num_envs, 1) actions."""
         fresh = self._ended
         starting: list[int] = np.flatnonzero(fresh).tolist() if fresh.any() else []

@@ -1,9 +1,9 @@
 """The rerun viewer, with a window or for a picture; simulations streamed to it; the recording of a training or a plant.
 
-with gms.view.stream(model, data) as look:   # opens the viewer; with a third argument "arm.rrd" writes that
-    while data.time < 5:
-        mujoco.mj_step(model, data)
-        look()
+    with gms.view.stream(model, data) as look:   # opens the viewer; with a third argument "arm.rrd" writes that
+        while data.time < 5:
+            mujoco.mj_step(model, data)
+            look()
 """
 
 from __future__ import annotations

@@ -17,11 +17,7 @@ AXIS = f"""<mujoco><option timestep="0.0005" gravity="0 0 0"/>
 
 def gms(stiffness=(0.8, 0.4, 0.2, 0.1)):
     return effects.GMS(
-        stiffness=stiffness,
-        fraction=[0.1, 0.2, 0.3, 0.4],
-        coulomb=FC,
-        static=FS,
-        stribeck_velocity=0.8,
+        stiffness=stiffness, fraction=[0.1, 0.2, 0.3, 0.4], coulomb=FC, static=FS, stribeck_velocity=0.8,
         attraction=0.3,
     )
 

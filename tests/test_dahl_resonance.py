@@ -124,7 +124,9 @@ def test_one_element_comes_back() -> None:
 
 def test_viscous_drag_is_told_from_friction() -> None:
     true = random_set(5)
-    found = [Resonance(r.amplitude, r.frequency, r.dissipation + 1e-4 * 2 * np.pi * r.frequency) for r in ideal(true)]
+    found = [
+        Resonance(r.amplitude, r.frequency, r.dissipation + 1e-4 * 2 * np.pi * r.frequency) for r in ideal(true)
+    ]
     reading = read_resonances(found, J)
     assert reading.viscous == pytest.approx(1e-4, rel=0.25)
 

@@ -91,10 +91,8 @@ def test_current_times_torque_constant_is_torque(tmp_path: Path) -> None:
 
 
 def test_columns_are_renamed_and_scaled(tmp_path: Path) -> None:
-    text = (
-        '[axis]\nkind = "slide"\n'
-        + RECORD
-        + ('use = "fit"\ncolumns = { time = "t", torque = "vir", position = "qm" }\nscale = { torque = 35.1507 }\n')
+    text = '[axis]\nkind = "slide"\n' + RECORD + (
+        'use = "fit"\ncolumns = { time = "t", torque = "vir", position = "qm" }\nscale = { torque = 35.1507 }\n'
     )
     runs = dataset(tmp_path, text, t=TIME, vir=RUN["torque"], qm=RUN["position"])
     assert runs.kind == "slide" and runs.inertia is None

@@ -100,7 +100,9 @@ def test_standing_still_changes_no_state(name, motion):
 @NATIVE
 def test_zero_memory_is_never_moved(name, motion):
     joint = (Plant.axis() + example(name)).joint()
-    assert np.array_equal(joint.replay(*motion).torque, joint.replay(*motion, memory=np.zeros(joint.n_memory)).torque)
+    assert np.array_equal(
+        joint.replay(*motion).torque, joint.replay(*motion, memory=np.zeros(joint.n_memory)).torque
+    )
 
 
 @NATIVE

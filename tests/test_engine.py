@@ -179,11 +179,7 @@ def test_hold_test_of_the_peers(timestep):
     """Break-away 0.34 N m under 0.15 + 0.10 sin(2 pi 5 t) N m, after the transient: MuJoCo's frictionloss creeps
     by 23,563 urad/s, its LuGre by 2,440 urad/s."""
     law = effects.GMS(
-        stiffness=[40, 20, 10, 5],
-        fraction=[0.1, 0.2, 0.3, 0.4],
-        coulomb=0.28,
-        static=0.34,
-        stribeck_velocity=0.1,
+        stiffness=[40, 20, 10, 5], fraction=[0.1, 0.2, 0.3, 0.4], coulomb=0.28, static=0.34, stribeck_velocity=0.1,
         attraction=10.0,
     )
     xml = AXIS.replace(str(J), "1e-3")
@@ -341,11 +337,9 @@ def test_transition_derivatives_are_those_of_the_step(integration):
 
 
 def test_sleeping_joints_gather_no_torque():
-    xml = (
-        AXIS.replace("<option ", '<option sleep_tolerance="0.01" ')
-        .replace("/>\n<worldbody>", '><flag sleep="enable"/></option>\n<worldbody>', 1)
-        .replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
-    )
+    xml = AXIS.replace("<option ", '<option sleep_tolerance="0.01" ').replace(
+        "/>\n<worldbody>", '><flag sleep="enable"/></option>\n<worldbody>', 1
+    ).replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
     for integration in ("explicit", "implicit"):
         model = engine.attach(xml, {"shaft": BEARING}, integration).compile()
         data = mujoco.MjData(model)
@@ -369,7 +363,7 @@ def twin(attributes, plant, torque, option="", elements="", speed=0.0, integrati
     )
     xml = (
         f'<mujoco><option timestep="{timestep}" gravity="0 0 0">{option}</option><worldbody>'
-        f"{body.format('ours', '')}{body.format('theirs', attributes)}</worldbody>{elements}</mujoco>"
+        f'{body.format("ours", "")}{body.format("theirs", attributes)}</worldbody>{elements}</mujoco>'
     )
     model = engine.attach(xml, {"ours": plant}, integration).compile()
     data = mujoco.MjData(model)
@@ -410,10 +404,7 @@ def test_gms_without_stribeck_is_a_set_of_yielding_tendons():
         for k, a in zip(stiffness, fraction, strict=True)
     )
     ours, theirs = twin(
-        "",
-        Plant.axis() + law,
-        stick_slip(5000, 2e-4, 1.5 * FC),
-        elements=f"<tendon>{tendons}</tendon>",
+        "", Plant.axis() + law, stick_slip(5000, 2e-4, 1.5 * FC), elements=f"<tendon>{tendons}</tendon>",
         integration="explicit",
     )
     assert np.ptp(ours) > 0.5, "the joint must slide"
@@ -421,7 +412,10 @@ def test_gms_without_stribeck_is_a_set_of_yielding_tendons():
 
 
 def dcmotor(friction):
-    return f'<actuator><dcmotor joint="theirs" input="none" motorconst="0" resistance="1" {friction}/></actuator>'
+    return (
+        '<actuator><dcmotor joint="theirs" input="none" motorconst="0" resistance="1" '
+        f'{friction}/></actuator>'
+    )
 
 
 def test_lugre_is_that_of_dcmotor():

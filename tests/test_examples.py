@@ -47,7 +47,9 @@ def test_compensated_the_axis_is_a_bare_inertia_without_dahl_resonance():
     from gms_mujoco.control import GMSObserver
 
     axis = compensated_axis
-    plain, compensated = (axis.axis_frf(make, 0.15) for make in (axis.Nothing, lambda: GMSObserver(axis.PLANT, axis.H)))
+    plain, compensated = (
+        axis.axis_frf(make, 0.15) for make in (axis.Nothing, lambda: GMSObserver(axis.PLANT, axis.H))
+    )
     height, at = axis.resonance(plain)
     assert height > 3 and 20 < at < 45 and axis.off_the_mass_line(plain) > 6
     assert axis.resonance(compensated)[0] == 0 and axis.off_the_mass_line(compensated) < 1

@@ -24,7 +24,9 @@ def needs(module: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(importlib.util.find_spec(module) is None, reason=f"needs {module}")
 
 
-SUFFIXES = [pytest.param(s, marks=needs(OPTIONAL[s][0])) if s in OPTIONAL else s for s in sorted(formats.suffixes())]
+SUFFIXES = [
+    pytest.param(s, marks=needs(OPTIONAL[s][0])) if s in OPTIONAL else s for s in sorted(formats.suffixes())
+]
 COLUMNS = {
     "time": np.arange(40) / 1000,
     "torque": np.sin(np.arange(40)) * 1e-3,

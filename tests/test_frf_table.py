@@ -176,13 +176,9 @@ def layouts(draw: st.DrawFn) -> tuple[str, str, str, np.ndarray, np.ndarray]:
     lines = [(separator + space).join(row) for row in table]
     lines = [draw(st.sampled_from(["# a comment", "% 2, 3; 4", ""]))] * draw(st.integers(0, 2)) + lines
     text = draw(st.sampled_from(["", "\ufeff"])) + draw(st.sampled_from(["\n", "\r\n"])).join(lines) + "\n"
-    said = (
-        ""
-        if named
-        else "columns = {{ {} }}\nunits = {{ {} }}\n".format(
-            ", ".join(f"{k} = {i}" for i, (k, _) in enumerate(columns)),
-            ", ".join(f'{k} = "{v}"' for k, v in unit.items()),
-        )
+    said = "" if named else "columns = {{ {} }}\nunits = {{ {} }}\n".format(
+        ", ".join(f"{k} = {i}" for i, (k, _) in enumerate(columns)),
+        ", ".join(f'{k} = "{v}"' for k, v in unit.items()),
     )
     return text, draw(st.sampled_from(["csv", "txt", "dat"])), said, f, g
 

@@ -17,13 +17,8 @@ STIFFNESS, FRACTION = [0.8, 0.4, 0.2, 0.1], [0.1, 0.2, 0.3, 0.4]
 def friction(static=FS, attraction=0.3, **other):
     """Friction on the moving side, positive along the motion, as a function of (time, position)."""
     law = effects.GMS(
-        stiffness=STIFFNESS,
-        fraction=FRACTION,
-        coulomb=FC,
-        static=static,
-        stribeck_velocity=VS,
-        attraction=attraction,
-        **other,
+        stiffness=STIFFNESS, fraction=FRACTION, coulomb=FC, static=static, stribeck_velocity=VS,
+        attraction=attraction, **other,
     )
     joint = (Plant.axis() + law).joint()
 

@@ -76,7 +76,9 @@ def test_the_sliding_curve_of_points_on_it() -> None:
     truth = np.sign(v) * (FC + (FS - FC) * np.exp(-((v / VS) ** 2)) + SIGMA2 * np.abs(v))
     curve = fit_sliding(v, truth)
     assert np.allclose(curve.torque(v), truth, rtol=1e-4) and curve.error < 1e-4
-    assert (curve.coulomb, curve.static, curve.viscous) == tuple(pytest.approx(x, rel=2e-3) for x in (FC, FS, SIGMA2))
+    assert (curve.coulomb, curve.static, curve.viscous) == tuple(
+        pytest.approx(x, rel=2e-3) for x in (FC, FS, SIGMA2)
+    )
 
 
 def test_data_that_cannot_tell_are_refused(responses, sliding) -> None:

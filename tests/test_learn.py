@@ -45,12 +45,7 @@ def test_without_weights_the_policy_is_the_pid_alone_and_many_are_as_one():
 def test_a_short_training_beats_the_pid_on_its_test_split_and_is_kept(tmp_path, capsys):
     said = []
     result = learn.train(
-        4,
-        population=12,
-        episodes=2,
-        episode_steps=300,
-        seed=1,
-        tasks=["reversals", "slow_sine"],
+        4, population=12, episodes=2, episode_steps=300, seed=1, tasks=["reversals", "slow_sine"],
         progress=lambda share, message: said.append(share),
     )
     assert [r.split for r in result.runs] == ["test", "held_out_friction"]
@@ -94,13 +89,8 @@ def test_the_command_writes_policy_figures_and_recording(tmp_path, capsys, monke
     table = json.loads((out / "training.json").read_text())
     assert len(table["curve"]) == 2 and len(table["test"]["policy"]) == 2
     assert (out / "recording.rrd").stat().st_size > 1000
-    for argv in (
-        ["--plant", "no_such"],
-        ["--seed", "-1"],
-        ["--generations", "0"],
-        ["--bandwidth", "nan"],
-        ["--joint", "elbow"],
-    ):
+    for argv in (["--plant", "no_such"], ["--seed", "-1"], ["--generations", "0"], ["--bandwidth", "nan"],
+                 ["--joint", "elbow"]):
         assert cli.main(["train", "-o", str(out), *argv]) == 2
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
 

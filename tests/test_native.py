@@ -14,12 +14,8 @@ FC, FS = 4.5e-3, 5.4e-3
 def gms(total_stiffness=1.5, static=FS):
     k = np.array([8.0, 4.0, 2.0, 1.0])
     return effects.GMS(
-        stiffness=k * total_stiffness / k.sum(),
-        fraction=[0.1, 0.2, 0.3, 0.4],
-        coulomb=FC,
-        static=static,
-        stribeck_velocity=0.8,
-        attraction=0.3,
+        stiffness=k * total_stiffness / k.sum(), fraction=[0.1, 0.2, 0.3, 0.4], coulomb=FC, static=static,
+        stribeck_velocity=0.8, attraction=0.3,
     )
 
 
@@ -81,9 +77,8 @@ def test_simulation_agrees_with_a_reference_to_a_thousandth_of_the_range():
     assert np.abs(plain - fine).max() < 1e-3 * np.ptp(fine)
 
 
-@pytest.mark.parametrize(
-    "law", [effects.Coulomb(coulomb=4e-3), effects.Stribeck(coulomb=3e-3, static=4e-3, stribeck_velocity=0.1)]
-)
+@pytest.mark.parametrize("law", [effects.Coulomb(coulomb=4e-3), effects.Stribeck(
+    coulomb=3e-3, static=4e-3, stribeck_velocity=0.1)])
 @pytest.mark.parametrize("h", [1e-4, 5e-4, 5e-3])
 def test_static_law_holds_without_creep(law, h):
     t = np.arange(int(2 / h)) * h

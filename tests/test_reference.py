@@ -59,7 +59,9 @@ def reference():
 
 def test_agrees_with_a_reference_of_tiny_steps_to_a_thousandth_of_the_range(reference):
     torque, h, exact = reference
-    law = effects.GMS(stiffness=STIFFNESS, fraction=SHARE, coulomb=FC, static=FS, stribeck_velocity=VS, attraction=C)
+    law = effects.GMS(
+        stiffness=STIFFNESS, fraction=SHARE, coulomb=FC, static=FS, stribeck_velocity=VS, attraction=C
+    )
     joint = (Plant.axis(J) + law).joint()
     for integration in ("explicit", "implicit"):
         error = [
@@ -72,17 +74,8 @@ def test_agrees_with_a_reference_of_tiny_steps_to_a_thousandth_of_the_range(refe
 
 
 LAWS = {  # break-away 0.34 N m each; whether the load cycle leaves the joint where it was
-    "gms": (
-        effects.GMS(
-            stiffness=[40, 20, 10, 5],
-            fraction=[0.1, 0.2, 0.3, 0.4],
-            coulomb=0.28,
-            static=0.34,
-            stribeck_velocity=0.1,
-            attraction=10.0,
-        ),
-        True,
-    ),
+    "gms": (effects.GMS(stiffness=[40, 20, 10, 5], fraction=[0.1, 0.2, 0.3, 0.4], coulomb=0.28, static=0.34,
+                        stribeck_velocity=0.1, attraction=10.0), True),
     "coulomb": (effects.Coulomb(coulomb=0.34), True),
     "stribeck": (effects.Stribeck(coulomb=0.28, static=0.34, stribeck_velocity=0.1), True),
     "dahl": (effects.Dahl(stiffness=75.0, coulomb=0.34), False),

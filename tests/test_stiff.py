@@ -31,11 +31,7 @@ def stiff_arm(h, integration="auto", level=(20, 20, 20, 20, 6, 6, 6), damping=0.
         rate = 2 * np.pi * FREQUENCY[i]
         stiffness = np.array([8, 4, 2, 1]) / 15 * inertia[i, i] * rate**2
         law = effects.GMS(
-            stiffness=stiffness,
-            fraction=SHARE,
-            coulomb=top / 1.2,
-            static=top,
-            stribeck_velocity=0.05,
+            stiffness=stiffness, fraction=SHARE, coulomb=top / 1.2, static=top, stribeck_velocity=0.05,
             attraction=30.0 * top,
         )
         drag = effects.Viscous(coefficient=2 * damping * inertia[i, i] * rate)
@@ -190,11 +186,7 @@ def test_explicit_is_chosen_where_it_is_stable():
     for wh, same in ((1.3, "explicit"), (1.5, "implicit")):
         inertia, h = 1e-3, 1e-3
         law = effects.GMS(
-            stiffness=[inertia * (wh / h) ** 2],
-            fraction=[1.0],
-            coulomb=0.1,
-            static=0.1,
-            stribeck_velocity=1.0,
+            stiffness=[inertia * (wh / h) ** 2], fraction=[1.0], coulomb=0.1, static=0.1, stribeck_velocity=1.0,
             attraction=1.0,
         )
         joint = (Plant.axis() + law).joint()

@@ -25,11 +25,7 @@ class PID(Controller):
     """
 
     def __init__(
-        self,
-        inertia: float,
-        sample_time: float,
-        bandwidth: float = 50.0,
-        filter: float = 250.0,
+        self, inertia: float, sample_time: float, bandwidth: float = 50.0, filter: float = 250.0,
         limit: float = math.inf,
     ) -> None:
         w = 2 * math.pi * bandwidth

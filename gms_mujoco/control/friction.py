@@ -72,14 +72,8 @@ class Follower:
 
     def _look(self, position: float, duration: float) -> tuple[float, Array]:
         motion = self.joint.simulate(
-            self._HEAVY,
-            duration,
-            np.zeros(2),
-            self.position,
-            (position - self.position) / duration,
-            state=self.state,
-            integration="explicit",
-            states=True,
+            self._HEAVY, duration, np.zeros(2), self.position, (position - self.position) / duration,
+            state=self.state, integration="explicit", states=True,
         )
         assert motion.states is not None
         return float(motion.friction[1]), motion.states[1]

@@ -26,11 +26,7 @@ class ILC(Controller):
     """
 
     def __init__(
-        self,
-        feedback: Callable[[], Controller],
-        sample_time: float,
-        gain: float = 0.7,
-        bandwidth: float = 100.0,
+        self, feedback: Callable[[], Controller], sample_time: float, gain: float = 0.7, bandwidth: float = 100.0,
         lead: int = 2,
     ) -> None:
         self.make, self.gain, self.lead = feedback, gain, lead

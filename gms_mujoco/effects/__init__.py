@@ -19,8 +19,7 @@ def _catalogue() -> dict[str, type[Effect]]:
     classes = {m.name: importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)}
     for name, module in classes.items():
         found[name] = next(
-            c
-            for c in vars(module).values()
+            c for c in vars(module).values()
             if isinstance(c, type) and issubclass(c, Effect) and c.__dict__.get("name") == name
         )
     for d in native.DECLARATIONS:

@@ -126,10 +126,8 @@ def _flatten(name: str, value: Any, into: dict[str, Any], depth: int) -> None:
 
 
 def _are_labels(value: Any) -> bool:
-    return (
-        isinstance(value, list)
-        and 0 < len(value) == len({str(v) for v in value})
-        and all(isinstance(v, str) for v in value)
+    return isinstance(value, list) and 0 < len(value) == len({str(v) for v in value}) and all(
+        isinstance(v, str) for v in value
     )
 
 

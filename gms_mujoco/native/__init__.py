@@ -122,16 +122,8 @@ def _declaration(index: int) -> Declaration:
     e = library.gms_effect(index).contents
     parameters = tuple(
         Parameter(
-            p.name.decode(),
-            p.unit.decode(),
-            p.fallback,
-            p.lower,
-            p.upper,
-            p.free,
-            p.per_element,
-            p.share,
-            (p.at_least or b"").decode(),
-            p.doc.decode(),
+            p.name.decode(), p.unit.decode(), p.fallback, p.lower, p.upper, p.free, p.per_element, p.share,
+            (p.at_least or b"").decode(), p.doc.decode()
         )
         for p in e.parameters
         if p.name
