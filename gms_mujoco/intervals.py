@@ -25,7 +25,8 @@ def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:
     residual, jacobian = misfit.residual(x), misfit.jacobian(x)
     scores = block_sums(misfit.observations, jacobian * residual[:, None], block)
     bread = _pseudo_inverse(gram(jacobian, jacobian))
-    return bread @ (scores.T @ scores) @ bread * len(scores) / max(len(scores) - misfit.coordinates.size, 1)
+    influence = scores @ bread  # its square is symmetric and never negative, however large what the data do not see
+    return np.asarray(influence.T @ influence * len(scores) / max(len(scores) - misfit.coordinates.size, 1))
 
 
 def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:

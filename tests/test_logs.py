@@ -26,6 +26,8 @@ def test_a_drive_by_ball_screw_has_asymmetric_friction(data: Path, tmp_path: Pat
     first, last = said["steps"][0], said["steps"][-1]
     assert said["steps"][1]["effect"] == "asymmetric_friction"
     assert last["validate_error"] <= 0.82 * first["validate_error"]
+    for name in ("baseline", "model"):
+        assert gms.Plant.load(tmp_path / f"{name}.toml").inertia > 90
 
 
 @pytest.mark.slow
