@@ -33,7 +33,7 @@ from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .screen import Screen, applicable, cross_validated, is_present
-from .search import FALSE_DISCOVERY_RATE, simplest
+from .search import discoveries, simplest
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -339,7 +339,8 @@ def explain(
 
     Every effect of the catalogue that can act on a servo is screened; the best are fitted jointly. One is accepted
     where it removes at least 5 % of the squared error at payloads and gains that were left out of the fit, and a t-test
-    over the runs in which it acts (`held_out.p_value`) sees that surely (p < 0.01).
+    over the runs in which it acts (`held_out.p_value`) sees that surely (a
+    false discovery rate of 1 % over those tried).
 
     Args:
         plant: to begin with, such as `servo()`.
@@ -372,7 +373,8 @@ def explain(
             trials.append(min((_tried(current, e, seen, fold) for e in (c.effect, c.strong) if e), key=_left))
         p_values = {t.effect: p_value(held_out, t.held_out) for t in trials}
         enough = (1 - _LEAST_GAIN) * held_out.total
-        earned = [t for t in trials if p_values[t.effect] < FALSE_DISCOVERY_RATE and _left(t) < enough]
+        passed = discoveries(p_values)
+        earned = [t for t in trials if t.effect in passed and _left(t) < enough]
         earned = [t for t in earned if is_present(t.misfit.coordinates.decode(t.vector)[t.effect])]
         if not earned:
             steps[-1] = replace(steps[-1], rejected=tuple(p_values.items()))
