@@ -1,4 +1,4 @@
-"""The command line: `gms-mujoco demo | fit | compare | diagnose | frf | attach | train | view`.
+"""The command line: `gms-mujoco demo | fit | compare | diagnose | fleet | frf | attach | train | view`.
 
 Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key, and what was expected),
 130 interrupted. Files are written whole or not at all.
@@ -7,7 +7,6 @@ Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import sys
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from . import effects, files
 from .dataset import Dataset, load
 from .errors import DataError, GmsError, ModelError
+from .files import as_json
 from .plant import Plant
 from .progress import Bar
 from .record import USES
@@ -118,6 +118,23 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("-o", "--output", required=True, metavar="DIR",
                      help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
     sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
+
+    sub = command("fleet", _fleet, "fit or diagnose many measurement sets, or refit one many times, on all processors",
+                  "fleet robots/ --verb diagnose -o fleet")
+    sub.add_argument("datasets", metavar="DATASET", nargs="+",
+                     help="folders with dataset.toml, or folders that have such folders in them")
+    sub.add_argument("-o", "--output", required=True, metavar="DIR",
+                     help="gets a folder for each set and joint, summary.csv and summary.json; the same command again "
+                     "goes on where a run was stopped")
+    sub.add_argument("--verb", default="fit", choices=("fit", "diagnose", "bootstrap"),
+                     help="bootstrap: 95 %% intervals of one set from refits to redrawn residuals (default: fit)")
+    sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous)")
+    sub.add_argument("--jobs", type=int, default=-1, metavar="N",
+                     help="processes; -1: one for each processor (default: -1)")
+    sub.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers do it instead")
+    sub.add_argument("--refits", type=int, default=200, metavar="N", help="of a bootstrap (default: 200)")
+    sub.add_argument("--seed", type=int, default=0, help="of a bootstrap (default: 0)")
+    sub.add_argument("--joint", metavar="NAME", help="of a bootstrap, where the set is of several joints")
 
     sub = command("frf", _frf, "estimate frequency responses, and read friction from the Dahl resonance",
                   "frf measurements/ -o responses.csv")
@@ -235,6 +252,30 @@ def _diagnose(options: argparse.Namespace) -> None:
         files.write_text(extra, as_json(result.to_dict()))
     print(result)
     _say_results(folder)
+
+
+def _fleet(options: argparse.Namespace) -> None:
+    from . import fleet
+
+    plant = Plant.load(options.model) if options.model else None
+    how: dict[str, Any] = {"jobs": options.jobs, "cluster": options.cluster}
+    if options.verb == "bootstrap":
+        if len(options.datasets) > 1:
+            raise DataError(f"a bootstrap is of one measurement set; {len(options.datasets)} given")
+        if options.seed < 0:
+            raise GmsError(f"the seed must not be negative; {options.seed} given")
+        with Bar() as bar:
+            found = fleet.bootstrap(options.datasets[0], options.output, plant, refits=options.refits,
+                                    joint=options.joint, seed=options.seed, progress=bar, **how)  # fmt: skip
+        print(_parameters(found))
+        print(f"wrote {options.output}/model.toml: intervals from {options.refits} refits")
+        return
+    if options.joint:
+        raise DataError("--joint is for a bootstrap; a fleet takes every joint of its sets")
+    with Bar() as bar:
+        done = fleet.run_all(options.verb, options.datasets, options.output, plant, progress=bar, **how)
+    print(done)
+    print(f"wrote {options.output}/ ({', '.join(fleet.SUMMARY)}, and a folder for each)")
 
 
 def _frf(options: argparse.Namespace) -> None:
@@ -437,18 +478,3 @@ def _parameters(plant: Plant) -> str:
 
     rows = parameter_rows(plant)
     return "\n".join(f"  {name:36} {value:>12}  {interval:28} {unit}" for name, value, interval, unit in rows)
-
-
-def as_json(value: Any) -> str:
-    """Strict JSON text: numbers that are not finite become null."""
-    return json.dumps(_finite(value), indent=1, allow_nan=False) + "\n"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):  # numpy
-        return _finite(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value

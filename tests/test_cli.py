@@ -100,7 +100,7 @@ def test_attach_into_another_folder_finds_the_meshes(model: Path, tmp_path: Path
     assert mujoco.MjModel.from_xml_path(str(out)).nmesh == 1
 
 
-@pytest.mark.parametrize("command", ["", "demo", "fit", "compare", "diagnose", "attach", "view"])
+@pytest.mark.parametrize("command", ["", "demo", "fit", "compare", "diagnose", "fleet", "attach", "view"])
 def test_help_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         cli.main([command, "--help"] if command else ["--help"])

@@ -26,9 +26,10 @@ LAYERS = [
     {"screen", "elements", "remainder", "custom", "goals"},
     {"search"},
     {"diagnose"},
-    {"position_servo"},
+    {"position_servo", "bootstrap"},
     {"page", "page_frf"},
-    {"demo", "report"},
+    {"demo", "report", "workers"},
+    {"fleet"},
     {"env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour"},
     {"learn"},
     {"sb3"},
@@ -38,9 +39,9 @@ LAYERS = [
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 EDGES = {
     "registration", "env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour", "learn", "sb3",
-    "cli", "report", "demo",
+    "cli", "report", "demo", "workers", "fleet",
 }  # fmt: skip
-OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch"}
+OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch", "joblib", "distributed", "threadpoolctl"}
 
 
 def _modules() -> dict[str, list[Path]]:
