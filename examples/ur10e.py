@@ -8,9 +8,9 @@ is the load, the torque that the gear transmits. The first 60 % of a log fit, th
 scored at the end. There joint 2 stops from full speed within 60 ms, which 100 Hz hardly resolve, so errors are printed
 up to 10 Hz, the most that the log carries, and up to 5 Hz.
 
-On joint 1 nothing but inertia loads the gear, 14 times more on the held-out part than on the fitted one. A load term
-lowers the error of the fit there and raises the one on held-out data. The diagnosis still takes it, and says that it
-does not explain the log.
+On joint 1 nothing but inertia loads the gear, so on the sine that was driven the load is a function of speed. A load
+term lowers the error of the fit there and raises the one on held-out data, whose stop loads the gear 14 times more. The
+diagnosis refuses it, for a curve of friction over speed explains more, and says so.
 """
 
 import os
@@ -66,7 +66,7 @@ def main() -> int:
         for step in found.steps:
             name = "inertia, GMS friction, viscous drag" if step.effect is None else f"+ {step.effect}"
             print(line(f"joint {joint}: {name}", step.result.plant, runs))
-        print(f"         {found.verdict.replace('_', ' ')}")
+        print(f"         {found.verdict.replace('_', ' ')}" + (f": {found.remainder}" if found.remainder else ""))
         if joint > 1 and "load_dependent_friction" in found.plant:
             table = found.plant.table("load_dependent_friction")["load_dependent_friction.coefficient"]
             print(f"         friction grows by {100 * float(str(table['value'])):.2f} % per N m transmitted")

@@ -208,7 +208,8 @@ def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: fl
     at_floor = search.at_floor and _holds([s.comparison for s in steps if s.comparison is not None])
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
-    remainder = "" if at_floor else ", ".join(filter(None, (describe(last.misfit, last.vector), _other_law(last))))
+    said = () if at_floor else (describe(last.misfit, last.vector), _other_law(last), _other_curve(search))
+    remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
     if confusable:
@@ -275,6 +276,14 @@ def _other_law(last: FitResult) -> str:
         f"friction is better described by lugre in the place of gms: {100 * other.error:.2f} % of the torque would be "
         f"left instead of {100 * last.error:.2f} %"
     )
+
+
+def _other_curve(search: Search) -> str:
+    """That friction over speed is not what the plant says, where that would explain a good part of the rest."""
+    share = search.bent
+    if not share:
+        return ""
+    return f"friction over speed has another shape than its Stribeck curve ({100 * share:.0f} % of the square)"
 
 
 def _lowered(text: str) -> str:

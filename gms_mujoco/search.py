@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compare import Comparison, compare_observations
+from .effect import Effect
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
+from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
-from .screen import Candidate, Screen, applicable, cross_validated, determined, is_present, joined
+from .screen import Candidate, LinearModel, Screen, applicable, cross_validated, determined, is_present, joined
+from .speed_curve import curve
 
 Array = NDArray[np.float64]
 
@@ -112,7 +115,7 @@ class Search:
                 result = min(result, self._afresh(result.plant, name), key=_error)
             trials.append((name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
-        p_values |= {name: p_value(self.held_out, h) for name, _, h in trials}
+        p_values |= {name: max(p_value(self.held_out, h), self._beyond_speed(r.plant[name])) for name, r, h in trials}
         plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return self._accept(trials, p_values)
@@ -146,6 +149,43 @@ class Search:
         before = self.held_out.total
         floor = min(_floor(self.steps[-1].result), _floor(result))
         return bool(before - held_out.total > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
+
+    def _beyond_speed(self, effect: Effect) -> float:
+        """p value of an effect that changes friction, beside friction that is any function of speed; 0 for others.
+
+        What a sensor reads wrong is the speed of friction too.
+        """
+        current = self.steps[-1].result
+        if not (effect.modulates or effect.kind == "sensor") or not self._timed:
+            return 0.0
+        plant = current.plant.replace(effect) if effect.name in current.plant else current.plant + effect
+        change = current.misfit.change(current.vector, plant, effect.name)
+        return p_value(self._with_curve(), self._with_curve(change))
+
+    @property
+    def bent(self) -> float:
+        """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
+        if not self._timed:
+            return 0.0
+        left = self._with_curve()
+        earned = self._is_worth_it(self.steps[-1].result, left)
+        earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
+        return 1 - left.total / self.held_out.total if earned else 0.0
+
+    @property
+    def _timed(self) -> bool:
+        """Whether anything was measured in time, and so at some speed."""
+        return any(isinstance(o, Observation) for o in self.seen)
+
+    def _with_curve(self, change: Array | None = None) -> HeldOut:
+        """Left by a linear refit with friction as any function of speed, and with a change (m,) of the residual."""
+        current = self.steps[-1].result
+        misfit = current.misfit
+        model = LinearModel(misfit, current.vector, misfit.residual(current.vector))
+        columns = curve(current.plant, misfit.observations)
+        columns = columns if change is None else np.column_stack([columns, change])
+        rows = model.held_out(columns * model.determined[:, None]) / np.sqrt(misfit.delivered(current.vector))
+        return HeldOut(rows, misfit.observations)
 
     def _settle_for(self, trials: Sequence[tuple[str, FitResult, HeldOut]]) -> None:
         """Lets the current plant keep what a trial found for it.

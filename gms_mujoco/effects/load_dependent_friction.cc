@@ -21,7 +21,7 @@ const gms::Effect gms_effect_load_dependent_friction = {
     "Source: load-dependent friction of robot joints, Bittencourt and Gunnarsson, ASME J. Dyn. Sys. Meas. Control\n"
     "134 (2012).",
     "The torque error follows the sign of velocity with a height that follows the load.",
-    "The same slow runs under several loads, in both directions.",
+    "The same runs under several loads, in both directions: the load has to differ at the same speed.",
     {{"coefficient", "1/(N m)", 0, 0, gms::kInfinity, false, true, "c"}},
     nullptr,
     nullptr,
