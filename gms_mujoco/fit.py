@@ -89,6 +89,9 @@ def fit(
     its uncertainty (`frf_observation`). Parameters that have no value yet are started from the
     data; the others start where they are.
 
+    Records are worked on side by side, on every core that the process may use or on as many threads as the environment
+    variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.
+
     Args:
         plant: with or without values; a known inertia stays as it is.
         data: runs and frequency responses to fit, SI units.

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from . import native
+from .native import series
 from .record import Record
 
 Array = NDArray[np.float64]
@@ -73,22 +73,6 @@ class Grid:
         self._paths[id(position)] = position, path
         return path
 
-    @cached_property
-    def _weights(self) -> sparse.csr_matrix:
-        """(n, N): a torque at the instants to its mean around each sample."""
-        k, u = self._place
-        last, n = len(u) - 1, int(self.instants[-1])
-        here = np.arange(last)
-        k, u = k[:-1], u[:-1]
-        width = np.diff(self.instants)  # of the piece from u to v
-        v = u + width
-        first, second = width * (2 * u + v) / 6, width * (u + 2 * v) / 6
-        rows = np.concatenate([k + 1, k + 1, k, k, [0, n]])
-        columns = np.concatenate([here, here + 1, here, here + 1, [0, last]])
-        weights = np.concatenate([first, second, width / 2 - first, width / 2 - second, [1, 1]])
-        weights[:-2][(rows[:-2] == 0) | (rows[:-2] == n)] = 0
-        return sparse.csr_matrix((weights, (rows, columns)), shape=(n + 1, last + 1))
-
     def mean(self, torque: Array) -> Array:
         """(n, ...) what `native.Joint.mean` says of torques (N, ...) that run straight between the instants."""
-        return np.asarray(self._weights @ torque)
+        return series.mean(self.instants, torque)

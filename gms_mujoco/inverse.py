@@ -23,6 +23,7 @@ from scipy import interpolate, ndimage, optimize, signal
 from . import native
 from .effect import Effect
 from .grid import Grid, Path
+from .native import series
 from .plant import Plant
 from .record import Record
 
@@ -160,7 +161,15 @@ class Observation:
     def opening(self, duration: float) -> Observation:
         """The same observation of the first part of the record [s]."""
         n = max(int(duration / self.record.sample_time), 8 * self._half)
-        return self if n >= len(self.record) else replace(self, record=self.record.slice(0, n), cutoff=self._cutoff)
+        if n >= len(self.record):
+            return self
+        if n not in self._openings:
+            self._openings[n] = replace(self, record=self.record.slice(0, n), cutoff=self._cutoff)
+        return self._openings[n]
+
+    @cached_property
+    def _openings(self) -> dict[int, Observation]:
+        return {}
 
     def settled(self, plant: Plant) -> Observation:
         """Itself: nothing about it depends on a plant."""
@@ -197,10 +206,9 @@ class Observation:
         return {}
 
     def band(self, x: Array) -> Array:
-        """(..., m) band-limited values of series of samples (..., n)."""
-        half, first = self._half, int(self.index[0])
-        full = signal.upfirdn(self._kernel, x[..., first - half : int(self.index[-1]) + half + 1], 1, self.stride)
-        return np.asarray(full[..., 2 * half // self.stride :][..., : len(self.index)])
+        """(m,) or (columns, m) band-limited values of series of samples (n,) or (n, columns)."""
+        first = int(self.index[0]) - self._half
+        return series.band(x, self._kernel, first, self.stride, len(self.index))
 
     @cached_property
     def position(self) -> Array:
@@ -309,7 +317,7 @@ class Observation:
             effect: its number in the joint; others as for `replay`.
         """
         torque = self._path(plant, grid).elements(joint, effect, memory)
-        return self.band(np.ascontiguousarray(grid.mean(torque).T))
+        return self.band(grid.mean(torque))
 
     def _path(self, plant: Plant, grid: Grid) -> Path:
         seen = self.seen_by(plant)

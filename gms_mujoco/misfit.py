@@ -20,6 +20,7 @@ from .native import Joint
 from .plant import Plant
 from .scales import Scales
 from .starts import visible_limits
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -135,37 +136,58 @@ class Misfit:
         x = x.copy()
         plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
         self.observations = tuple(o.settled(plant) for o in self.observations)
-        for i in range(len(self.observations)):
-            o, memory = self.observations[i].opening(_OPENING), self.memory(x, i)  # a view into x
-            if memory is None:
-                continue
-            applied = o.applied(plant, skew)
-            best = squared(applied - o.needed(plant, memory))
-            for level in (*_LEVELS, *_LEVELS):
-                for k in range(self.n_memory):
-                    kept, memory[k] = memory[k], level
-                    cost = squared(applied - o.needed(plant, memory))
-                    if cost < best:
-                        best = cost
-                    else:
-                        memory[k] = kept
+
+        def one(i: int) -> None:
+            memory = self.memory(x, i)  # a view into x
+            if memory is not None:
+                self._search(self.observations[i].opening(_OPENING), plant, skew, memory)
+
+        each(one, range(len(self.observations)))
         return x
+
+    def _search(self, o: Seen, plant: Plant, skew: float, memory: Array) -> None:
+        """Puts better states into `memory` (n_memory,), one after the other."""
+        applied = o.applied(plant, skew)
+        lasting = [name for name, place in plant.memory_places.items() if place.stop > place.start]
+        if isinstance(o, Observation) and all(plant[name].separable for name in lasting):
+            # What an element does at each level does not depend on the others.
+            torques, known = _at_levels(o, plant, lasting, memory)
+            left = applied - known
+            best = squared(left)
+            now = torques[-1].copy()
+            for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
+                for k in range(self.n_memory):
+                    trial = left + (torques[level][k] - now[k])
+                    cost = squared(trial)
+                    if cost < best:
+                        best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
+            return
+        best = squared(applied - o.needed(plant, memory))
+        for level in (*_LEVELS, *_LEVELS):
+            for k in range(self.n_memory):
+                kept, memory[k] = memory[k], level
+                cost = squared(applied - o.needed(plant, memory))
+                if cost < best:
+                    best = cost
+                else:
+                    memory[k] = kept
 
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant, skew = self._plant(x), self.skew(x)
-        parts: list[Array] = []
-        grids: list[Grid | None] = []
-        for i, o in enumerate(self.observations):
-            memory, grid = self.memory(x, i), o.samples if self.set_grids is None else self.set_grids[i]
+
+        def one(i: int) -> tuple[Array, Grid | None]:
+            o, memory = self.observations[i], self.memory(x, i)
+            grid = o.samples if self.set_grids is None else self.set_grids[i]
             if self.coarse or self.set_grids is not None:
                 needed = o.needed(plant, memory, grid)
             else:
                 needed, grid = o.look(plant, memory)
-            parts.append(o.applied(plant, skew) - needed)
-            grids.append(grid)
-        self._looked, self._before = (x.copy(), grids), {}
-        return np.concatenate(parts)
+            return o.applied(plant, skew) - needed, grid
+
+        parts = each(one, range(len(self.observations)))
+        self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
+        return np.concatenate([r for r, _ in parts])
 
     def on_grids(self, x: Array, finer: float) -> Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
@@ -215,10 +237,11 @@ class Misfit:
         drives = any(e.name == name for e in there.drive)
         if name not in here and not whole:  # what is new may jump at other instants
             grids = [None] * len(grids)
+        numbers = range(len(grids))
         key = name if name in here else "", whole, drives
         if key not in self._before:
-            self._before[key] = [self._piece(i, here, name, x, g, whole, drives) for i, g in enumerate(grids)]
-        after = [self._piece(i, there, name, x, g, whole, drives) for i, g in enumerate(grids)]
+            self._before[key] = each(lambda i: self._piece(i, here, name, x, grids[i], whole, drives), numbers)
+        after = each(lambda i: self._piece(i, there, name, x, grids[i], whole, drives), numbers)
         return np.concatenate(after) - np.concatenate(self._before[key])
 
     def _piece(
@@ -268,7 +291,10 @@ class Misfit:
             return there, plants[column, step]
 
         here, owners = self._plant(x), self._owners
-        for i, (rows, grid) in enumerate(zip(np.split(out, self.splits), self._grids(x), strict=True)):
+        parts, grids = np.split(out, self.splits), self._grids(x)
+
+        def one(i: int) -> None:
+            rows, grid = parts[i], grids[i]
             o, done = self.observations[i], ~wanted
             for effect in here.effects:
                 if effect.separable and grid is not None:
@@ -289,10 +315,12 @@ class Misfit:
 
                 def slope(step: float, column: int = int(column), name: str = name, drives: bool = drives) -> Array:
                     there, plant = moved(column, step)
-                    after = self._piece(i, plant, name, there, grid, drives=drives)  # noqa: B023
-                    return (after - base[name]) / (there[column] - x[column])  # noqa: B023
+                    after = self._piece(i, plant, name, there, grid, drives=drives)
+                    return (after - base[name]) / (there[column] - x[column])
 
                 rows[:, column] = _without_jumps(slope, steps[column], bool(both[column]))
+
+        each(one, range(len(self.observations)))
         out[:, ~wanted] = 0
         return out
 
@@ -377,6 +405,26 @@ class Misfit:
         """Size at which each linear coordinate matters, from its unit."""
         scales = Scales.of(self.observations)
         return np.array([scales[b.parameter.unit] for b in self.coordinates.blocks for _ in range(b.size)])
+
+
+def _at_levels(o: Observation, plant: Plant, names: Sequence[str], memory: Array) -> tuple[Array, Array]:
+    """Torque of each element of separable effects, those of `names`, on the instants that `memory` needs.
+
+    Returns:
+        (levels + 1, n_memory, m) for each of _LEVELS before the record, then for `memory`; and the (m,) torque that the
+        plant needs for `memory`.
+    """
+    grid = o.grid(plant, memory)
+    out = np.empty((len(_LEVELS) + 1, len(memory), len(o.index)))
+    for name in names:
+        part, place = plant.part(name), plant.memory_places[name]
+        native = [e.name for e in part.effects if e.is_native]
+        own = part.memory_places[name]
+        before = np.zeros(part.joint().n_memory)
+        for i, row in enumerate(out):
+            before[own] = _LEVELS[i] if i < len(_LEVELS) else memory[place]
+            row[place] = o.elements(part, part.joint(), native.index(name), before, grid)
+    return out, o.needed(plant, memory, grid)
 
 
 def squared(r: Array) -> float:

@@ -179,6 +179,10 @@ class Plant:
 
     def joint(self) -> native.Joint:
         """The native effects of this plant, ready to be replayed."""
+        return self._joint
+
+    @cached_property
+    def _joint(self) -> native.Joint:
         return native.Joint([(e.name, e.elements, e.packed) for e in self.effects if e.is_native])
 
     @cached_property

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from . import files
 from .errors import GmsError
 from .progress import Progress
+from .threads import alone
 
 RESULT = "result.json"
 _PATIENCE = 10.0  # s, for a scheduler to answer
@@ -137,7 +138,7 @@ def _work(do: Callable[[Any, Path], Row], task: Task) -> Row:
     row: Row = {"name": task.name, "digest": task.digest}
     try:
         folder = files.make_folder(task.folder)
-        with threadpool_limits(1):  # sums in another order would differ in the last bit
+        with alone(), threadpool_limits(1):  # sums in another order would differ in the last bit
             row |= {"status": "done"} | do(task, folder)
     except GmsError as error:
         row |= {"status": "failed", "error": " ".join(str(error).split())}

@@ -90,6 +90,8 @@ def _load() -> ctypes.CDLL:
             integer,
             (pointer, integer, real, real, real, pointer, real, integer) + (pointer,) * 5,
         ),
+        ("gms_series_mean", None, (integer, pointer, integer, pointer, pointer)),
+        ("gms_series_band", None, (integer, pointer, integer, integer, integer, pointer, pointer)),
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
         ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),

@@ -1,0 +1,66 @@
+"""Work on several observations at a time: the native library and most of NumPy let other threads run meanwhile.
+
+Results come in the order of what they are made of, and nothing is summed across threads, so the number of threads
+changes no bit of them.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from typing import TypeVar
+
+from .errors import GmsError
+
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
+
+VARIABLE = "GMS_MUJOCO_THREADS"
+_inside = threading.local()
+
+
+def count() -> int:
+    """How many threads to use: the environment variable GMS_MUJOCO_THREADS, else the cores this process may use.
+
+    Raises:
+        GmsError: the variable is not a whole number from 1 on.
+    """
+    given = os.environ.get(VARIABLE, "").strip()
+    if not given:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not given.isdecimal() or int(given) < 1:
+        raise GmsError(f"{VARIABLE} must be a whole number from 1 on; {given!r} given")
+    return int(given)
+
+
+@cache
+def _pool(n: int, process: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(n, "gms_mujoco")
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Whatever is done inside stays on this thread: for work of which there is one on every core already."""
+    before, _inside.busy = getattr(_inside, "busy", False), True
+    try:
+        yield
+    finally:
+        _inside.busy = before
+
+
+def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
+    """function(item) of every item, in their order; one after the other where this runs on such a thread already."""
+    todo = list(items)
+    n = 1 if len(todo) < 2 or getattr(_inside, "busy", False) else count()
+    if n == 1:
+        return [function(item) for item in todo]
+
+    def work(item: _In) -> _Out:
+        with alone():
+            return function(item)
+
+    return list(_pool(n, os.getpid()).map(work, todo))  # threads do not survive a fork

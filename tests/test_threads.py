@@ -1,0 +1,51 @@
+"""Threads change how long a fit takes and nothing else."""
+
+import threading
+
+import numpy as np
+import pytest
+from bench import HEALTHY, UNKNOWN, runs
+
+import gms_mujoco as gms
+from gms_mujoco import threads
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "two", "1.5"])
+def test_a_number_of_threads_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+    monkeypatch.setenv(threads.VARIABLE, given)
+    with pytest.raises(gms.GmsError, match=f"whole number from 1 on; '{given}' given"):
+        threads.each(abs, [1, 2])
+
+
+def test_results_come_in_order_and_work_inside_work_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(threads.VARIABLE, "2")
+    both = threading.Barrier(2, timeout=20)
+
+    def inner(i: int) -> str:
+        return threading.current_thread().name
+
+    def outer(i: int) -> tuple[int, set[str]]:
+        if i < 2:
+            both.wait()  # two at a time, or this never ends
+        return i, set(threads.each(inner, range(5))) | {threading.current_thread().name}
+
+    found = threads.each(outer, range(20))
+    assert [i for i, _ in found] == list(range(20))
+    assert all(len(names) == 1 for _, names in found)  # what is inside runs on the same thread
+
+
+def test_an_error_on_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(threads.VARIABLE, "2")
+    with pytest.raises(ZeroDivisionError):
+        threads.each(lambda i: 1 / i, [1, 0, 2])
+
+
+def test_a_fit_is_the_same_to_the_last_bit_at_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    records = runs(HEALTHY, seconds=1.5)
+    found = []
+    for n in ("1", "2", "3"):
+        monkeypatch.setenv(threads.VARIABLE, n)
+        found.append(gms.fit(UNKNOWN, records))
+    for other in found[1:]:
+        assert other.plant == found[0].plant and other.error == found[0].error
+        assert np.array_equal(other.vector, found[0].vector) and other.plant.uncertainty == found[0].plant.uncertainty
