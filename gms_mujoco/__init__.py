@@ -76,6 +76,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "view":  # loads rerun, which takes a second
-        return import_module(".view", __name__)
+    if name in ("mjx", "view", "warp"):  # what they load takes seconds, or is an extra
+        return import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -115,7 +115,7 @@ def attach(
             alike.setdefault((alone, *_config(natives, integration).items()), []).append(joint)
     for (_, *config), joints in alike.items():
         _add_instance(spec, joints, dict(config))
-        _add_sensors(spec, joints, sensors, chosen[joints[0].name].joint().n_state - 2)
+        _add_sensors(spec, joints, sensors, chosen[joints[0].name].joint().n_state - native.ANCHOR)
     for name, plant in chosen.items():
         for e in sorted(plant.effects, key=lambda e: e.kind != "controller"):  # the actuators first
             e.edit(spec, name)

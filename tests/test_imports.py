@@ -18,7 +18,7 @@ LAYERS = [
     {"plant", "coordinates", "grid", "sampling"},
     {"simulate", "inverse", "frf_observation", "noise", "scales", "motion", "starts", "engine", "tasks", "axis",
      "dahl_resonance"},
-    {"observe", "misfit", "least_squares", "intervals", "undetermined", "residuals", "robot", "plausible",
+    {"batched", "observe", "misfit", "least_squares", "intervals", "undetermined", "residuals", "robot", "plausible",
      "speed_curve"},
     {"mjcf", "bam", "servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
@@ -32,7 +32,8 @@ LAYERS = [
     {"demo", "report", "workers"},
     {"fleet"},
     {"env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour"},
-    {"learn"},
+    {"learn", "kernel"},
+    {"warp", "mjx"},
     {"sb3"},
     {"cli"},
     {"__init__", "__main__"},
@@ -40,9 +41,12 @@ LAYERS = [
 RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 EDGES = {
     "registration", "env", "vector_env", "control", "drawing", "portrait", "scene", "view", "tour", "learn", "sb3",
-    "cli", "report", "demo", "workers", "fleet",
+    "cli", "report", "demo", "workers", "fleet", "kernel", "warp", "mjx",
 }  # fmt: skip
-OPTIONAL = {"rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch", "joblib", "distributed", "threadpoolctl"}
+OPTIONAL = {
+    "rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch", "joblib", "distributed", "threadpoolctl", "warp",
+    "mujoco_warp", "jax",
+}  # fmt: skip
 
 
 def _modules() -> dict[str, list[Path]]:

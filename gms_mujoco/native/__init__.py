@@ -95,6 +95,8 @@ def _load() -> ctypes.CDLL:
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
         ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),
+        ("gms_engine_strip", integer, (pointer,)),
+        ("gms_engine_effect", pointer, (pointer, pointer, integer, integer) + (pointer,) * 5),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
@@ -117,6 +119,7 @@ class Declaration:
     experiment: str
     parameters: tuple[Parameter, ...]
     modulates: bool
+    has_torque: bool
     separable: bool  # its elements do not know of each other
 
 
@@ -131,11 +134,15 @@ def _declaration(index: int) -> Declaration:
         if p.name
     )
     texts = {k: getattr(e, k).decode() for k in ("name", "class_name", "kind", "doc", "signature", "experiment")}
-    return Declaration(index, **texts, parameters=parameters, modulates=bool(e.modulate), separable=bool(e.element))
+    return Declaration(
+        index, **texts, parameters=parameters,
+        modulates=bool(e.modulate), has_torque=bool(e.torque), separable=bool(e.element),
+    )  # fmt: skip
 
 
 DECLARATIONS = tuple(_declaration(i) for i in range(library.gms_n_effects()))
-_INDEX = {d.name: d.index for d in DECLARATIONS}
+BY_NAME = {d.name: d for d in DECLARATIONS}
+ANCHOR = 2  # numbers of a joint's state before those of its effects
 
 
 def _address(array: Array | None) -> Any:
@@ -198,6 +205,36 @@ def reading(model: int, data: int, joint: int) -> tuple[int, list[tuple[str, int
     return None if torque.value < 0 else (torque.value, found)
 
 
+@dataclass(frozen=True)
+class Attached:
+    """Friction of a joint as it stands in a MuJoCo model.
+
+    Attributes:
+        effects: (name, number of elements, packed parameters) of each.
+        reads_load: whether it depends on the load.
+        stiffness: time step times slope over inertia; negative where an explicit step is asked for.
+        limit: of the stiffness for an explicit step.
+    """
+
+    effects: list[tuple[str, int, Array]]
+    reads_load: bool
+    stiffness: float
+    limit: float
+
+
+def attached(model: int, data: int, joint: int) -> Attached | None:
+    """The friction of a joint of a MuJoCo model, given by addresses as for `reading`; None where it has none."""
+    effect, n, reads_load = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
+    stiffness, limit = ctypes.c_double(), ctypes.c_double()
+    found: list[tuple[str, int, Array]] = []
+    out = [ctypes.byref(x) for x in (effect, n, reads_load, stiffness, limit)]
+    while address := library.gms_engine_effect(model, data, joint, len(found), *out):
+        declared = DECLARATIONS[effect.value]
+        size = sum(n.value if p.per_element else 1 for p in declared.parameters)
+        found.append((declared.name, n.value, np.array((ctypes.c_double * size).from_address(address))))
+    return Attached(found, bool(reads_load.value), stiffness.value, limit.value) if found else None
+
+
 class Joint:
     """The native effects of one joint.
 
@@ -211,7 +248,7 @@ class Joint:
         self._counts = [n for _, n, _ in effects]
         for name, n, packed in effects:
             p = np.ascontiguousarray(packed, float)
-            if library.gms_joint_add(self._handle, _INDEX[name], n, _address(p)):
+            if library.gms_joint_add(self._handle, BY_NAME[name].index, n, _address(p)):
                 raise EngineError(f"{name} with {n} elements needs more state than a joint holds")
         self.n_state: int = library.gms_joint_n_state(self._handle)
         self.n_memory: int = library.gms_joint_n_memory(self._handle)

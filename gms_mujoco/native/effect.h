@@ -6,14 +6,18 @@
 #ifndef GMS_MUJOCO_NATIVE_EFFECT_H_
 #define GMS_MUJOCO_NATIVE_EFFECT_H_
 
+#ifndef GMS_MUJOCO_KERNEL  // Warp compiles this file too: see gms_mujoco/kernel.py
 #include <cmath>
 #include <cstring>
 #include <limits>
+#endif
 
 namespace gms {
 
+#ifndef GMS_MUJOCO_KERNEL
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+#endif
 constexpr int kMaxParameters = 12;
 
 // What the joint does over one interval, in SI units (rad and N m for a hinge, m and N for a slide).
@@ -85,11 +89,16 @@ struct Effect {
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per
 // element, else one. `n_state` and `n_memory` are null where there is none.
 
+#ifndef GMS_MUJOCO_KERNEL
 extern const Effect* const kCatalogue[];
 extern const int kCatalogueSize;
+#endif
 
 inline double sign(double x) { return (x > 0) - (x < 0); }
 
+#ifdef GMS_MUJOCO_KERNEL
+inline double decay(double x) { return std::exp(-x); }
+#else
 struct PowersOfHalf {
   static constexpr int kParts = 64;
   long long bits[kParts];
@@ -116,6 +125,7 @@ inline double decay(double x) {
   std::memcpy(&power, &bits, sizeof power);
   return power * e;
 }
+#endif
 
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
 // 2014, equation 1, without its viscous term).

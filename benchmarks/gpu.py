@@ -1,0 +1,84 @@
+"""Throughput of MuJoCo Warp with and without friction: world-steps per second of the arm, on the device at hand.
+
+Each of the seven joints has four friction elements with a Stribeck curve, and viscous drag. The two models take turns
+in short rounds, on a GPU each as a captured graph; the ratio is the median over the rounds of time with friction over
+time without. Both swing through the same positions: every tenth step takes the worlds back to where they set out, each
+with velocities and torques of its own. So neither comes to its limits, and friction slips and turns back.
+
+Run: OPENBLAS_NUM_THREADS=1 python benchmarks/gpu.py [largest number of worlds] [seconds per figure]
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import warp as wp
+
+import gms_mujoco as gms
+from gms_mujoco.warp import put_model
+
+ROUNDS = 9
+STEPS = 10  # from where the worlds set out; in a graph
+
+
+def stepper(model: mujoco.MjModel, m: mjw.Model, worlds: int) -> Callable[[], None]:
+    """A function that does STEPS steps of all worlds."""
+    d = mjw.make_data(model, nworld=worlds)
+    rng = np.random.default_rng(0)
+    d.ctrl.assign((rng.uniform(-0.5, 0.5, (worlds, model.nu)) * model.actuator_ctrlrange[:, 1]).astype(np.float32))
+    position = wp.array(rng.uniform(-0.5, 0.5, (worlds, model.nq)), dtype=float)
+    velocity = wp.array(rng.uniform(-1, 1, (worlds, model.nv)), dtype=float)
+
+    def steps() -> None:
+        wp.copy(d.qpos, position)
+        wp.copy(d.qvel, velocity)
+        for _ in range(STEPS):
+            mjw.step(m, d)
+
+    steps()  # compiles
+    if not wp.get_device().is_cuda:
+        return steps
+    with wp.ScopedCapture() as capture:
+        steps()
+    return lambda: wp.capture_launch(capture.graph)
+
+
+def seconds(run: Callable[[], None], times: int) -> float:
+    wp.synchronize()
+    start = time.perf_counter()
+    for _ in range(times):
+        run()
+    wp.synchronize()
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    largest = int(sys.argv[1]) if len(sys.argv) > 1 else 4096
+    budget = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
+    wp.config.log_level = wp.LOG_WARNING
+    bare = mujoco.MjModel.from_xml_path(str(gms.MODELS / "arm.xml"))
+    real = gms.attach(gms.MODELS / "arm.xml", {"*": gms.Plant.load("arm_joint")}).compile()
+    device = wp.get_device()
+    print(f"world-steps/s of the arm on {device.name}, mujoco_warp {mjw.__version__}, gms_mujoco {gms.__version__}")
+    print(f"{'worlds':>7s}{'frictionless':>14s}{'with friction':>15s}{'time, ratio':>13s}{'of rounds':>14s}")
+    worlds = 1
+    while worlds <= largest:
+        runs = [stepper(bare, mjw.put_model(bare), worlds), stepper(real, put_model(real, worlds)[0], worlds)]
+        times = max(1, int(budget / 2 / ROUNDS / max(seconds(runs[0], 1), 1e-9)))
+        rounds = [[seconds(run, times) for run in runs] for _ in range(ROUNDS)]
+        rates = [worlds * STEPS * times / statistics.median(r) for r in zip(*rounds, strict=True)]
+        ratios = sorted(b / a for a, b in rounds)
+        print(
+            f"{worlds:7d}{rates[0]:14.0f}{rates[1]:15.0f}{statistics.median(ratios):13.3f}"
+            f"{ratios[1]:8.3f}-{ratios[-2]:.3f}",
+            flush=True,
+        )
+        worlds *= 4 if worlds < 1024 else 2
+
+
+if __name__ == "__main__":
+    main()

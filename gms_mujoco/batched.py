@@ -1,0 +1,196 @@
+"""The friction of a model laid out for many worlds at once, and the model without its plug-in.
+
+MuJoCo Warp refuses models with engine plug-ins and MJX drops them without a word: there the friction of the plug-in
+runs beside the model, its parameters and states in two arrays with a row for each world.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import native
+from .errors import EngineError, ModelError, listing
+
+OWN_STATE = 5  # of a joint, before the states of its effects: see native/kernel.h
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which effects act on which joints, and where their numbers stand.
+
+    Attributes:
+        bare: the model without friction of ours.
+        names: of the joints with friction, in the order of the model.
+        dofs, places: of these joints in qvel and in qpos.
+        effects: names of all effects in use.
+        joints, uses: tables for the kernel, see native/kernel.h.
+        parameters: (n_parameter,) of all joints.
+        columns: where the values of "effect.parameter" of a joint stand among them.
+        states: where the state of each effect of a joint stands in a row of `n_state`.
+    """
+
+    bare: mujoco.MjModel
+    names: tuple[str, ...]
+    dofs: tuple[int, ...]
+    places: tuple[int, ...]
+    effects: tuple[str, ...]
+    joints: tuple[tuple[int, ...], ...]
+    uses: tuple[tuple[int, ...], ...]
+    parameters: NDArray[np.float64]
+    columns: Mapping[str, Mapping[str, slice]]
+    states: Mapping[str, Mapping[str, slice]]
+    n_state: int
+
+    def column(self, joint: str, parameter: str) -> slice:
+        """Where a parameter stands; raises ModelError naming those that exist."""
+        if joint not in self.columns:
+            raise ModelError(f"no joint with friction is called {joint!r}; they are {listing(self.columns)}")
+        if parameter not in self.columns[joint]:
+            raise ModelError(
+                f"joint {joint!r} has no parameter {parameter!r}; its parameters are {listing(self.columns[joint])}"
+            )
+        return self.columns[joint][parameter]
+
+    def modulates(self, effect: str) -> bool:
+        return native.BY_NAME[effect].modulates
+
+    def has_torque(self, effect: str) -> bool:
+        return native.BY_NAME[effect].has_torque
+
+    def virgin(self, n: int) -> NDArray[np.float64]:
+        """(n, n_state) of joints that have never moved: the next evaluation sets out from where they are."""
+        state = np.zeros((n, self.n_state))
+        state[:, [row[4] + 1 for row in self.joints]] = np.nan
+        return state
+
+
+def lay_out(model: mujoco.MjModel) -> Layout:
+    """Reads the friction of a model that has been attached to it.
+
+    Raises:
+        ModelError: no joint has friction; friction that depends on the load; or that is too stiff for an explicit step.
+        EngineError: the model has other plug-ins, or sensors of the friction.
+    """
+    data = mujoco.MjData(model)
+    names: list[str] = []
+    dofs: list[int] = []
+    places: list[int] = []
+    joints: list[tuple[int, ...]] = []
+    uses: list[tuple[int, ...]] = []
+    packed: list[NDArray[np.float64]] = []
+    effects: dict[str, int] = {}
+    columns: dict[str, dict[str, slice]] = {}
+    states: dict[str, dict[str, slice]] = {}
+    first_state = first = 0
+    for i in range(model.njnt):
+        friction = native.attached(model._address, data._address, i)
+        if friction is None:
+            continue
+        name = model.joint(i).name
+        _check(name, friction, model.opt.timestep)
+        own, at, n_uses = OWN_STATE, first, len(uses)
+        columns[name], states[name] = {}, {}
+        for effect, n, p in friction.effects:
+            n_state = native.Joint([(effect, n, p)]).n_state - native.ANCHOR
+            uses.append((effects.setdefault(effect, len(effects)), n, at - first, own))
+            for parameter in native.BY_NAME[effect].parameters:
+                size = n if parameter.per_element else 1
+                columns[name][f"{effect}.{parameter.name}"] = slice(at, at + size)
+                at += size
+            if n_state:
+                states[name][effect] = slice(first_state + own, first_state + own + n_state)
+            own += n_state
+            packed.append(p)
+        joints.append((n_uses, len(uses) - n_uses, first, at - first, first_state, own))
+        names.append(name)
+        dofs.append(int(model.jnt_dofadr[i]))
+        places.append(int(model.jnt_qposadr[i]))
+        first, first_state = at, first_state + own
+    if not names:
+        raise ModelError("no joint of the model has friction of gms_mujoco; put it on with gms_mujoco.attach")
+    return Layout(
+        _bare(model), tuple(names), tuple(dofs), tuple(places), tuple(effects), tuple(joints), tuple(uses),
+        np.concatenate(packed), columns, states, first_state,
+    )  # fmt: skip
+
+
+def _check(joint: str, friction: native.Attached, timestep: float) -> None:
+    if friction.reads_load:
+        names = listing(e for e, _, _ in friction.effects)
+        raise ModelError(
+            f"joint {joint!r} has {names}: friction by the load is in MuJoCo alone, since here the torque of the "
+            "actuators is not known yet; all other effects run in many worlds"
+        )
+    if friction.stiffness > friction.limit:
+        raise ModelError(
+            f"joint {joint!r}: its friction is too stiff for an explicit step of {timestep:g} s (h slope / inertia is "
+            f"{friction.stiffness:.3g}, at most {friction.limit:g} expected): take a shorter time step, or gms, dahl "
+            'or lugre in the place of a static law, or attach with integration="explicit" to have it so'
+        )
+
+
+def _bare(model: mujoco.MjModel) -> mujoco.MjModel:
+    bare = copy.copy(model)
+    if native.library.gms_engine_strip(bare._address):
+        raise EngineError(
+            "the model has other plug-ins beside the friction, or sensors of it, which run in MuJoCo alone: attach "
+            "without sensors, and read the torque of the friction here"
+        )
+    return bare
+
+
+def changed(
+    layout: Layout, table: NDArray[np.float64], joint: str, values: Mapping[str, ArrayLike], nworld: int
+) -> NDArray[np.float64]:
+    """Parameters of `nworld` worlds with some of one joint changed.
+
+    Args:
+        table: (1 or nworld, n_parameter), one row where all worlds have the same.
+        joint: its name.
+        values: of "effect.parameter", a number or (n,) for all worlds, (nworld,) or (nworld, n) for each.
+
+    Returns:
+        (1 or nworld, n_parameter).
+
+    Raises:
+        ModelError: no such joint or parameter, another shape, or values that the effect does not take.
+    """
+    given = {key: _rows(layout.column(joint, key), joint, key, v, nworld) for key, v in values.items()}
+    alone = len(table) == 1 and all((rows == rows[:1]).all() for rows in given.values())
+    table = np.repeat(table, 1 if alone or len(table) > 1 else nworld, axis=0)
+    for key, rows in given.items():
+        table[:, layout.column(joint, key)] = rows[: len(table)]
+    for effect in {key.split(".")[0] for key in given}:
+        _validate(layout, table, joint, effect)
+    return table
+
+
+def _rows(columns: slice, joint: str, key: str, values: ArrayLike, nworld: int) -> NDArray[np.float64]:
+    size = columns.stop - columns.start
+    given: NDArray[np.float64] = np.asarray(values, float)
+    if size == 1 and given.shape == (nworld,):
+        given = given[:, None]
+    if given.shape not in ((), (size,), (nworld, size)):
+        raise ModelError(f"{key} of {joint!r} has shape {given.shape}; expected ({size},) or ({nworld}, {size})")
+    return np.broadcast_to(given, (nworld, size))
+
+
+def _validate(layout: Layout, table: NDArray[np.float64], joint: str, effect: str) -> None:
+    declared = native.BY_NAME[effect].parameters
+    own = {p.name: table[:, layout.column(joint, f"{effect}.{p.name}")] for p in declared}
+    for p in declared:
+        values = own[p.name]
+        bad = ~((values >= p.lower) & (values <= p.upper))
+        if bad.any():
+            wrong = values[bad][0]
+            raise ModelError(f"{effect}.{p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; {wrong:g} given")
+        if p.at_least and (values < own[p.at_least]).any():
+            raise ModelError(f"{effect}.{p.name} must be at least {p.at_least} in every world")
+        if p.share and (np.abs(values.sum(axis=1) - 1) > 1e-6).any():
+            raise ModelError(f"{effect}.{p.name} must sum to 1 in every world")

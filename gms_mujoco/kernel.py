@@ -1,0 +1,183 @@
+"""The friction of a model in a kernel of NVIDIA Warp: the effects' own C++ files, compiled by Warp for a CPU or a GPU.
+
+No law is written a second time. Warp puts the text of a native snippet into the source of its module as it stands; ours
+brings effect.h, the laws in effects/*.cc (each file up to its table), and native/kernel.h, which evaluates one joint.
+"""
+
+import functools
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from .batched import Layout
+from .errors import EngineError
+
+try:
+    import warp as wp
+except ImportError:
+    raise EngineError("friction in many worlds needs NVIDIA Warp: pip install 'gms-mujoco[warp]'") from None
+
+_PACKAGE = Path(__file__).parent
+_HEADERS = ("native/effect.h", "native/hidden_body.h")
+
+# Warp's compilers have no headers of the standard library, but declare these functions of C.
+# And they have turned the names of types into macros.
+_STANDARD = """
+#define GMS_MUJOCO_KERNEL
+#pragma push_macro("int")
+#undef int
+namespace gms_standard {
+inline double fabs(double x) { return ::fabs(x); }
+inline double exp(double x) { return ::exp(x); }
+inline double pow(double x, double y) { return ::pow(x, y); }
+inline double sin(double x) { return ::sin(x); }
+inline double cos(double x) { return ::cos(x); }
+inline double sqrt(double x) { return ::sqrt(x); }
+inline double floor(double x) { return ::floor(x); }
+inline double ceil(double x) { return ::ceil(x); }
+inline double fmax(double x, double y) { return x > y || y != y ? x : y; }
+inline double fmin(double x, double y) { return x < y || y != y ? x : y; }
+inline double copysign(double x, double y) { return (y < 0) == (x < 0) ? x : -x; }
+inline double expm1(double x) {
+  const double e = ::exp(x);
+  return e == 1 ? x : (e - 1) * x / ::log(e);
+}
+}  // namespace gms_standard
+#define std gms_standard
+"""
+
+
+def _text(path: str) -> str:
+    lines = (_PACKAGE / path).read_text(encoding="utf-8").splitlines()
+    return "\n".join(line for line in lines if not (line.startswith("#include") or line.endswith("_H_")))
+
+
+def _law(effect: str) -> str:
+    """The functions of an effect's file, in a namespace of their own."""
+    text = _text(f"effects/{effect}.cc").split(f"extern const gms::Effect gms_effect_{effect};")[0]
+    return f"namespace gms_law_{effect} {{\n{text}\n}}"
+
+
+def _switch(result: str, name: str, arguments: str, values: str, cases: dict[int, str], fallback: str) -> str:
+    calls = "".join(f"  if (effect == {i}) return gms_law_{e}::{name}({values});\n" for i, e in cases.items())
+    return f"inline {result} {name}(int effect, {arguments}) {{\n{calls}  {fallback}\n}}"
+
+
+def source(layout: Layout) -> str:
+    """C++ of the friction of a model: all that the snippet needs at file scope."""
+    given = "const double* p, int n, const Motion& m, "
+    modulators = {i: e for i, e in enumerate(layout.effects) if layout.modulates(e)}
+    laws = {i: e for i, e in enumerate(layout.effects) if layout.has_torque(e)}
+    joints, uses = (", ".join(str(x) for row in table for x in row) for table in (layout.joints, layout.uses))
+    return "\n".join(
+        [
+            _STANDARD,
+            *map(_text, _HEADERS),
+            *map(_law, layout.effects),
+            f"#define GMS_MOST_PARAMETERS {max(row[3] for row in layout.joints)}",
+            f"#define GMS_MOST_STATES {max(row[5] for row in layout.joints)}",
+            "namespace gms {",
+            f"static const int kJoints[] = {{{joints}}};",
+            f"static const int kUses[] = {{{uses}}};",
+            _switch("void", "modulate", given + "Level& level", "p, n, m, level", modulators, ""),
+            _switch(
+                "double", "torque", given + "const Level& level, const double* state, double* next",
+                "p, n, m, level, state, next", laws, "return 0;",
+            ),
+            "}",
+            _text("native/kernel.h"),
+            '#undef std\n#pragma pop_macro("int")',
+        ]
+    )  # fmt: skip
+
+
+@functools.cache
+def _snippet(text: str, real: str) -> str:
+    """Body of a native function. It declares what it calls, and ends; the rest stands after it at file scope."""
+    name = f"gms_friction_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    declaration = f"double {name}(int, const {real}*, const {real}*, {real}*, double, double, double, double)"
+    return f"""
+    {declaration};
+    return {name}(joint, wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0),
+                  time, timestep, position, velocity);
+}}
+{text}
+double {name}(int joint, const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
+              double position, double velocity) {{
+    return gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity);
+"""
+
+
+def evaluator(layout: Layout, real: Any) -> Any:
+    """A Warp function: the torque on joint number `joint` of `layout` in a world, whose state it moves on.
+
+    Args:
+        layout: of the model.
+        real: type of the numbers in `parameters` and the states, `wp.float64` or `wp.float32`; laws are evaluated in
+            double.
+
+    Returns:
+        f(joint, parameters, row, before, after, world, time, timestep, position, velocity) -> torque [N m], `row` being
+        that of the parameters, and `before` and `after` the states, (nworld, n_state), which may be the same array.
+    """
+    snippet = _snippet(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
+
+    @wp.func_native(snippet)
+    def friction(
+        joint: int,
+        parameters: wp.array2d[real],
+        row: int,
+        before: wp.array2d[real],
+        after: wp.array2d[real],
+        world: int,
+        time: wp.float64,
+        timestep: wp.float64,
+        position: wp.float64,
+        velocity: wp.float64,
+    ) -> wp.float64: ...
+
+    return friction
+
+
+def jax_torque(layout: Layout) -> Any:
+    """The friction of one world as a JAX function, which maps over more: a kernel behind JAX's foreign functions.
+
+    Returns:
+        f(parameters, state, time, timestep, position, velocity) -> torque, state; each (1, n) float32.
+    """
+    evaluate = evaluator(layout, wp.float32)
+    n_state, n_joints = layout.n_state, len(layout.joints)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def friction_kernel(
+        parameters: wp.array2d[float],
+        before: wp.array2d[float],
+        time: wp.array2d[float],
+        timestep: wp.array2d[float],
+        position: wp.array2d[float],
+        velocity: wp.array2d[float],
+        torque: wp.array2d[float],
+        state: wp.array2d[float],
+    ):
+        world, joint = wp.tid()  # type: ignore[misc]
+        torque[world, joint] = float(
+            evaluate(
+                joint,
+                parameters,
+                world,
+                before,
+                state,
+                world,
+                wp.float64(time[world, 0]),
+                wp.float64(timestep[world, 0]),
+                wp.float64(position[world, joint]),
+                wp.float64(velocity[world, joint]),
+            )
+        )
+
+    return wp.jax_kernel(
+        friction_kernel,
+        num_outputs=2,
+        launch_dims=(1, n_joints),
+        output_dims={"torque": (1, n_joints), "state": (1, n_state)},
+    )

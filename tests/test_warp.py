@@ -1,0 +1,171 @@
+"""Friction on MuJoCo Warp is the native friction, in each of many worlds."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco_warp", reason="pip install 'gms-mujoco[warp]'")
+
+import mujoco_warp as mjw
+import warp as wp
+from axes import BEARING, FC, FS, axis, stick_slip
+from worlds import EVERY, catalogue, expected, motion
+
+import gms_mujoco as gms
+from gms_mujoco import warp as gms_warp
+from gms_mujoco.errors import ModelError
+
+N = 3  # worlds
+wp.config.log_level = wp.LOG_WARNING
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return axis()[0]
+
+
+def put(model):
+    m, friction = gms_warp.put_model(model, nworld=N)
+    return m, mjw.make_data(model, nworld=N), friction
+
+
+def drive(m, d, torque):
+    """(n, N) positions before each step under torques (n,) or (n, N)."""
+    rows = []
+    for u in torque:
+        d.ctrl.assign(np.full((N, 1), np.reshape(u, (-1, 1)), np.float32))
+        rows.append(d.qpos.numpy()[:, 0].copy())
+        mjw.step(m, d)
+    return np.array(rows)
+
+
+def test_every_effect_is_the_native_replay_along_a_motion():
+    model = catalogue()
+    m, d, friction = put(model)
+    found = []
+    for t, q, v in zip(*(x.tolist() for x in motion()), strict=True):
+        d.time.fill_(t)
+        d.qpos.fill_(q)
+        d.qvel.fill_(v)
+        for _ in range(2):  # repeated evaluation changes nothing
+            d.qfrc_passive.zero_()
+            friction(m, d)
+        found.append(friction.torque.numpy()[-1].copy())
+        np.testing.assert_array_equal(d.qfrc_passive.numpy()[-1], np.float32(found[-1]))
+    for joint, torque in zip(friction.joints, np.array(found).T, strict=True):
+        truth = expected(joint, *motion())
+        np.testing.assert_allclose(torque, truth, atol=1e-6 * np.abs(truth).max(), err_msg=joint)
+    assert set(friction.joints) == set(EVERY)
+
+
+def test_a_servo_axis_moves_as_under_the_plugin(bearing):
+    m, d, _ = put(bearing)
+    torque = stick_slip(600)
+    found = drive(m, d, torque)
+    data, truth = mujoco.MjData(bearing), []
+    for u in torque:
+        truth.append(data.qpos[0])
+        data.ctrl[:] = u
+        mujoco.mj_step(bearing, data)
+    assert np.ptp(truth) > 0.2
+    np.testing.assert_allclose(found, np.tile(truth, (N, 1)).T, atol=1e-6)
+
+
+def test_an_arm_moves_as_under_the_plugin():
+    model = gms.attach(gms.MODELS / "arm.xml", {"*": gms.Plant.load("arm_joint")}).compile()
+    m, d, friction = put(model)
+    data = mujoco.MjData(model)
+    amplitude, rate = np.array([30, 60, 20, 30, 8, 8, 6.0]), np.array([0.7, 0.5, 1.1, 0.9, 1.3, 1.7, 2.1])
+    for k in range(250):  # half a second
+        data.ctrl[:] = amplitude * np.sin(2 * np.pi * rate * k * 0.002)
+        d.ctrl.assign(np.tile(data.ctrl, (N, 1)).astype(np.float32))
+        mjw.step(m, d)
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos).min() > 0.002 and np.abs(data.qpos).max() > 1
+    np.testing.assert_allclose(d.qpos.numpy(), np.tile(data.qpos, (N, 1)), atol=2e-6)
+    last = [gms.friction(model, data, joint).torque for joint in friction.joints]
+    np.testing.assert_allclose(friction.torque.numpy()[0], last, atol=1e-3)  # of 47 N m, by velocities of 4e-6 rad/s
+
+
+def test_repeated_forward_changes_nothing(bearing):
+    m, d, friction = put(bearing)
+    drive(m, d, stick_slip(100))
+    mjw.forward(m, d)
+    seen = [x.numpy().copy() for x in (friction.state, friction.torque, d.qfrc_passive, d.qacc)]
+    for _ in range(3):
+        mjw.forward(m, d)
+    for x, was in zip((friction.state, friction.torque, d.qfrc_passive, d.qacc), seen, strict=True):
+        np.testing.assert_array_equal(x.numpy(), was)
+
+
+def test_a_world_that_is_reset_begins_anew_and_the_others_go_on(bearing):
+    m, d, friction = put(bearing)
+    torque = stick_slip(300)
+    whole = drive(m, d, torque)
+    m, d, friction = put(bearing)
+    first = drive(m, d, torque[:150])
+    mask = np.array([False, True, False])
+    mjw.reset_data(m, d, wp.array(mask, dtype=bool))  # friction.reset is not needed: its time goes back
+    later = torque[150:, None] * ~mask + torque[:150, None] * mask
+    second = drive(m, d, later)
+    np.testing.assert_array_equal(np.concatenate([first[:, 0], second[:, 0]]), whole[:, 0])
+    np.testing.assert_array_equal(second[:, 1], whole[:150, 1])
+    for worlds in ([2], np.array([False, False, True])):
+        before = friction.state.numpy().copy()
+        friction.reset(worlds)
+        after = friction.state.numpy()
+        np.testing.assert_array_equal(after[:2], before[:2])
+        assert np.isnan(after[2]).any() and (np.nan_to_num(after[2]) == 0).all()
+
+
+def test_worlds_have_parameters_of_their_own(bearing):
+    factors = np.array([0.5, 1.0, 2.0])
+    m, d, friction = put(bearing)
+    assert friction.get("shaft", "gms.static").shape == (1, 1)
+    friction.set("shaft", {"viscous.coefficient": 3e-5})
+    assert friction.get("shaft", "gms.static").shape == (1, 1)
+    stiffness = np.outer(factors, BEARING["gms"].stiffness)
+    friction.set("shaft", {"gms.static": FS * factors, "gms.coulomb": FC * factors, "gms.stiffness": stiffness})
+    np.testing.assert_allclose(friction.get("shaft", "gms.coulomb")[:, 0], FC * factors)
+    found = drive(m, d, stick_slip(200))
+    for world, factor in enumerate(factors):
+        bent = BEARING["gms"].replace(coulomb=FC * factor, static=FS * factor, stiffness=stiffness[world])
+        model, data = axis(BEARING.replace(bent).replace(BEARING["viscous"].replace(coefficient=3e-5)))
+        truth = []
+        for u in stick_slip(200):
+            truth.append(data.qpos[0])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data)
+        np.testing.assert_allclose(found[:, world], truth, atol=1e-6)
+
+
+def test_a_fork_goes_on_as_the_run_it_came_from(bearing):
+    m, d, friction = put(bearing)
+    torque = stick_slip(200)
+    drive(m, d, torque[:100])
+    kept = {name: wp.clone(getattr(d, name)) for name in ("time", "qpos", "qvel", "qacc_warmstart")}
+    state = wp.clone(friction.state)
+    went = drive(m, d, torque[100:])
+    for name, array in kept.items():
+        wp.copy(getattr(d, name), array)
+    wp.copy(friction.state, state)
+    np.testing.assert_array_equal(drive(m, d, torque[100:]), went)
+
+
+def test_refuses_what_it_cannot_do(bearing):
+    with pytest.raises(ModelError, match="Euler, implicit, implicitfast or discrete; RK4 given"):
+        gms_warp.put_model(axis(integrator="RK4")[0])
+    m, friction = gms_warp.put_model(bearing, nworld=1)
+    with pytest.raises(ModelError, match="the data has 3 worlds, the friction was put for 1"):
+        friction(m, mjw.make_data(bearing, nworld=N))
+    with pytest.raises(ModelError, match=r"a mask of worlds has shape \(1,\); \(3,\) given"):
+        friction.reset(np.zeros(3, bool))
+
+
+def test_the_page_runs_as_printed(capsys):
+    page = Path(__file__).resolve().parent.parent / "docs" / "pages" / "worlds.md"
+    exec(compile(re.search(r"```python\n(.*?)```", page.read_text(), re.S)[1], page.name, "exec"), {})
+    assert "(4, 7)" in capsys.readouterr().out
