@@ -29,6 +29,7 @@ from .frf import FRF, join_sines, usable
 from .grid import Grid
 from .harmonics import SAMPLES, balance, fundamental, motion, velocity
 from .inverse import Observation
+from .native import Joint
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -148,8 +149,8 @@ class FrfObservation:
         return np.outer(np.abs(self.torque), np.cos(2 * math.pi * np.arange(SAMPLES) / SAMPLES)).ravel()
 
     def _rows(self, x: Complex) -> Array:
-        weighted = x * (self.scale / self.deviation)
-        return np.stack([weighted.real, weighted.imag], 1).ravel()
+        """(..., 2 n) rows that stand for torques (..., n)."""
+        return np.ascontiguousarray(x * (self.scale / self.deviation)).view(float)
 
     def complex(self, rows: Array) -> Complex:
         """(n,) the torques that rows (2 n,) stand for [N m]."""
@@ -214,6 +215,17 @@ class FrfObservation:
         """(n,) fundamental of the torque of the effects along the motion [N m]."""
         position, rate, _ = self._read(plant)
         return fundamental(plant.joint().cycle(1 / self.frf.frequency, position, rate))
+
+    def elements(
+        self, plant: Plant, joint: Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
+    ) -> Array:
+        """(elements, 2 n) rows of the torque of each element of an effect of `joint`, on the motion that `plant` sees.
+
+        Args:
+            effect: its number in the joint.
+        """
+        position, rate, _ = self._read(plant)
+        return self._rows(fundamental(joint.cycle(1 / self.frf.frequency, position, rate, effect)).T)
 
     def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> None:
         """None: a motion in closed form has no samples."""

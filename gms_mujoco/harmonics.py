@@ -51,7 +51,7 @@ def velocity(spectrum: Complex, omega: Array) -> Array:
 
 
 def fundamental(x: Array) -> Complex:
-    """(n,) amplitude of the first harmonic of periods (n, SAMPLES)."""
+    """(...) amplitude of the first harmonic of periods (..., SAMPLES)."""
     return np.asarray(x @ _FIRST, complex)
 
 

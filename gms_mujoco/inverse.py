@@ -310,12 +310,15 @@ class Observation:
             return self.band(self.seen_by(plant)._mean(joint, memory)[0]) - self.rigid
         return self.band(grid.mean(self._path(plant, grid).torque(joint, memory))) - self.rigid
 
-    def elements(self, plant: Plant, joint: native.Joint, effect: int, memory: Array | None, grid: Grid) -> Array:
+    def elements(
+        self, plant: Plant, joint: native.Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
+    ) -> Array:
         """(elements, m) band-limited torque of each element of an effect of `joint`, on the motion that `plant` sees.
 
         Args:
             effect: its number in the joint; others as for `replay`.
         """
+        grid = grid or self.grid(plant, memory)
         torque = self._path(plant, grid).elements(joint, effect, memory)
         return self.band(grid.mean(torque))
 

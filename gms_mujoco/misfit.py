@@ -297,7 +297,7 @@ class Misfit:
             rows, grid = parts[i], grids[i]
             o, done = self.observations[i], ~wanted
             for effect in here.effects:
-                if effect.separable and grid is not None:
+                if effect.separable and o.additive:
                     self._elements(i, effect.name, here, x, grid, steps, rows, done)
             begin, end = (self.n_common + k for k in self._states[i])
             base: dict[str, Array] = {}
@@ -332,8 +332,9 @@ class Misfit:
         return blocks + [name for name, s in places.items() for _ in range(s.stop - s.start)]
 
     def _elements(
-        self, i: int, name: str, plant: Plant, x: Array, grid: Grid, steps: Array, rows: Array, done: NDArray[np.bool_]
-    ) -> None:
+        self, i: int, name: str, plant: Plant, x: Array, grid: Grid | None, steps: Array, rows: Array,
+        done: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
         """Fills in the columns of what belongs to one element of a separable effect, all elements at a time.
 
         Args:
@@ -341,7 +342,6 @@ class Misfit:
             done: which columns need no more work.
         """
         o, part = self.observations[i], plant.part(name)
-        assert isinstance(o, Observation)
         memory = self._memory_of(part, x, i)
         native = [e for e in part.effects if e.is_native]
         number = [e.name for e in native].index(name)

@@ -76,6 +76,16 @@ def test_the_model_response_is_the_measured_one() -> None:
     assert np.allclose(o.model_response(AXIS), o.frf.response, rtol=0.02)
 
 
+def test_the_elements_of_a_separable_effect_add_up_to_it() -> None:
+    plant = AXIS + effects.AsymmetricFriction(level=0.2)
+    o = seen(AXIS)
+    part = plant.part("gms")
+    number = [e.name for e in part.effects].index("gms")
+    parts = o.elements(part, part.joint(), number)
+    assert parts.shape == (plant["gms"].elements, len(o.index)) and np.ptp(parts, 0).min() > 0
+    assert np.allclose(parts.sum(0), o.replay(part), rtol=0, atol=1e-9 * np.abs(parts).max())
+
+
 def test_rows_hold_complex_torques() -> None:
     o = seen(AXIS)
     assert np.allclose(o.complex(o.applied(AXIS)), o.torque)

@@ -78,7 +78,7 @@ def _load() -> ctypes.CDLL:
         ("gms_joint_n_memory", integer, (pointer,)),
         ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
         ("gms_joint_elements", None, (pointer, integer, integer) + (pointer,) * 7),
-        ("gms_joint_cycle", integer, (pointer, integer, integer) + (pointer,) * 4),
+        ("gms_joint_cycle", integer, (pointer, integer, integer, integer) + (pointer,) * 4),
         ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),
         (
             "gms_joint_simulate",
@@ -324,7 +324,7 @@ class Joint:
         library.gms_joint_elements(self._handle, effect, n, *map(_address, inputs), _address(torque))
         return torque
 
-    def cycle(self, period: Array, position: Array, velocity: Array) -> Array:
+    def cycle(self, period: Array, position: Array, velocity: Array, effect: int | None = None) -> Array:
         """Torque along periodic motions, in the steady state [N m].
 
         The axis is warm, carries no load, and everything that fades has faded; a body behind a coupling swings as it
@@ -333,13 +333,16 @@ class Joint:
         Args:
             period: (c,) of each motion [s].
             position, velocity: (c, n) at n equal steps of one period [rad], [rad/s].
+            effect: number of a separable effect of the joint, for the torque of its elements; None: of all.
 
         Returns:
-            (c, n).
+            (c, n), or (c, elements, n).
         """
         inputs = [np.ascontiguousarray(a, float) for a in (period, position, velocity)]
-        torque = np.empty(inputs[1].shape)
-        library.gms_joint_cycle(self._handle, *torque.shape, *map(_address, inputs), _address(torque))
+        shape = inputs[1].shape
+        torque = np.empty(shape if effect is None else (shape[0], self._counts[effect], shape[1]))
+        use = -1 if effect is None else effect
+        library.gms_joint_cycle(self._handle, use, *shape, *map(_address, inputs), _address(torque))
         return torque
 
     def mean(

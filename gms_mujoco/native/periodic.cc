@@ -47,15 +47,18 @@ bool has_load(const gms::Effect* e) {
 }  // namespace
 
 // Torque at the n samples of one period of each of `count` motions, `period[i]` seconds long, in the steady state.
-// `position`, `velocity` and `torque` are count x n. Returns how many motions have found no steady state.
-GMS_API int gms_joint_cycle(const gms::Joint* joint, int count, int n, const double* period, const double* position,
-                            const double* velocity, double* torque) {
+// `position`, `velocity` and `torque` are count x n; with `use` from 0 on `torque` is count x elements x n, that of each
+// element of effect number `use` of the joint. Returns how many motions have found no steady state.
+GMS_API int gms_joint_cycle(const gms::Joint* joint, int use, int count, int n, const double* period,
+                            const double* position, const double* velocity, double* torque) {
   const int size = joint->n_state(), first = gms::Joint::kAnchor;
   std::vector<double> state(size), next(size), scale(size), seen[4];
+  const gms::Joint::Use* of = use < 0 ? nullptr : &joint->uses()[use];
+  const int width = of ? of->n : 1;
   int failed = 0;
   for (int i = 0; i < count; i++) {
     const double *q = position + static_cast<size_t>(i) * n, *v = velocity + static_cast<size_t>(i) * n;
-    double* out = torque + static_cast<size_t>(i) * n;
+    double* out = torque + static_cast<size_t>(i) * n * width;
     const double h = period[i] / n;
     joint->reset(state.data());
     joint->torque({kWarm, q[0], v[0]}, state.data(), next.data());
@@ -67,8 +70,13 @@ GMS_API int gms_joint_cycle(const gms::Joint* joint, int count, int n, const dou
       for (int k = 1; k <= n; k++) {
         const int at = k % n;
         const double t = kWarm + h * (static_cast<double>(turn) * n + k);
-        out[at] = joint->torque({t, q[at], v[at]}, state.data(), next.data());
+        const double total = joint->torque({t, q[at], v[at]}, state.data(), next.data());
         state.swap(next);
+        if (!of) {
+          out[at] = total;
+        } else {
+          for (int j = 0; j < width; j++) out[j * n + at] = of->effect->element(state.data() + of->state, j);
+        }
         for (int j = first; j < size; j++) scale[j] = std::max(scale[j], std::fabs(state[j]));
       }
       settled = true;
