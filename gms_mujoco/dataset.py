@@ -26,7 +26,7 @@ FILE = "dataset.toml"
 _FEWEST_POINTS = 5  # of a response that validates
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
-    "record": ("file", "use", "joint", "columns", "units", "scale"),
+    "record": ("file", "use", "joint", "episode", "columns", "units", "scale"),
     "frf": ("file", "input", "output", "amplitude", "use", "columns", "units", "scale"),
 }
 
@@ -189,6 +189,10 @@ def _record(
         raise DataError(f"{key}: no such file: {name}")
     table = formats.read(folder / name)
     try:
+        episode = entry.get("episode")
+        if episode is not None and (isinstance(episode, bool) or not isinstance(episode, int)):
+            raise DataError(f"episode must be a whole number; {episode!r} given")
+        table = table.episode(episode)
         chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
         if len(axis.names) > 1 and entry.get("joint") is None:
             for what in ("torque", "current", "position"):
@@ -225,6 +229,8 @@ def _record(
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
     short = Path(name).name if Path(name).is_absolute() else name
+    if episode is not None:
+        short += f" episode {episode}"
     return Record(short, time, signals, use, axis.joint.resolution), others, [n for n in notes if n]
 
 

@@ -354,3 +354,63 @@ def test_practice_sets_are_read(practice: Path) -> None:
     for folder in sorted(p for p in practice.iterdir() if (p / "dataset.toml").exists()):
         runs = load(folder)
         assert runs.fit and runs.validate and runs.notes == () and runs.fit[0].resolution == 2 * np.pi / 1e6
+
+
+# Logs of robots.
+
+
+def test_a_bag_of_a_robot_becomes_a_record_of_each_joint(tmp_path: Path) -> None:
+    rosbags = pytest.importorskip("rosbags.rosbag1")
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    t = store.types
+    with rosbags.Writer(tmp_path / "log.bag") as writer:
+        topic = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for i in range(N):
+            stamp = t["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=i * 10**6)
+            message = t["sensor_msgs/msg/JointState"](
+                header=t["std_msgs/msg/Header"](seq=i, stamp=stamp, frame_id=""), name=["hip", "knee"],
+                position=np.array([RUN["position"][i], 2 * RUN["position"][i]]), velocity=np.array([]),
+                effort=np.array([RUN["torque"][i], 3 * RUN["torque"][i]]),
+            )  # fmt: skip
+            encoded = store.serialize_ros1(message, "sensor_msgs/msg/JointState")
+            writer.write(topic, 1_700_000_000 * 10**9 + i * 10**6, encoded)
+    (tmp_path / "leg.xml").write_text(
+        '<mujoco><worldbody><body><joint name="hip"/><geom size="0.1"/>'
+        '<body><joint name="knee"/><geom size="0.1"/></body></body></worldbody></mujoco>'
+    )
+    axis = '[axis]\nmodel = "leg.xml"\njoint = ["hip", "knee"]\n'
+    record = '[[record]]\nfile = "log.bag"\n[record.columns]\n'
+    record += 'position = { hip = "position.hip", knee = "position.knee" }\n'
+    for drive, constant, factor in (("torque", "", 1.0), ("current", "torque_constant = 0.5\n", 0.5)):
+        columns = f'{drive} = {{ hip = "effort.hip", knee = "effort.knee" }}\n'
+        (tmp_path / "dataset.toml").write_text(axis + constant + record + columns)
+        for joint, times in (("hip", (1, 1)), ("knee", (3, 2))):
+            runs = load(tmp_path, joint=joint)
+            torque = np.concatenate([r.torque for r in runs.records])
+            assert np.allclose(torque, factor * times[0] * RUN["torque"], atol=1e-12)
+            assert np.allclose(np.concatenate([r.position for r in runs.records]), times[1] * RUN["position"])
+
+
+def test_an_episode_of_a_lerobot_file_is_a_record(tmp_path: Path) -> None:
+    index = np.repeat([0.0, 4.0], N)
+    columns = {"timestamp": np.tile(TIME, 2), "effort": np.append(RUN["torque"], -RUN["torque"]),
+               "angle": np.rad2deg(np.append(RUN["position"], -RUN["position"])), "episode_index": index}  # fmt: skip
+    formats.write(tmp_path / "file-000.parquet", columns)
+    entry = (
+        '[[record]]\nfile = "file-000.parquet"\nunits = { position = "deg" }\n'
+        'columns = { time = "timestamp", torque = "effort", position = "angle" }\n'
+    )
+    (tmp_path / "dataset.toml").write_text(AXIS + entry + 'episode = 0\nuse = "fit"\n' + entry + "episode = 4\n")
+    first, second = load(tmp_path).records
+    assert (first.name, second.name) == ("file-000.parquet episode 0", "file-000.parquet episode 4")
+    assert np.allclose(first.torque, RUN["torque"]) and np.allclose(second.position, -RUN["position"])
+    for wrong, message in (
+        ("", r"record 1 \(file-000.parquet\): the file has 2 episodes, 0, 4: choose one, as in episode = 0"),
+        ("episode = 1\n", "the file has 2 episodes, 0, 4: 1 is none of them"),
+        ("episode = 0.5\n", "episode must be a whole number; 0.5 given"),
+    ):
+        (tmp_path / "dataset.toml").write_text(AXIS + entry + wrong)
+        with pytest.raises(DataError, match=message):
+            load(tmp_path)
+    refuses(tmp_path, AXIS + RECORD + "episode = 1\n", "episode = 1 needs a column 'episode_index'")

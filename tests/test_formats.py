@@ -17,6 +17,7 @@ from gms_mujoco.errors import DataError
 
 OPTIONAL = {  # library of a format, by the suffix
     ".uff": ("pyuff", "uff"), ".unv": ("pyuff", "uff"), ".tdms": ("nptdms", "tdms"), ".mcap": ("mcap", "mcap"),
+    ".bag": ("rosbags", "ros"), ".db3": ("rosbags", "ros"),
 }  # fmt: skip
 
 
@@ -81,9 +82,10 @@ def test_garbage_is_a_data_error_of_one_line(suffix: str, content: bytes, tmp_pa
 @anyhow
 @given(cut=st.floats(0, 0.99), flip=st.integers(0, 10_000))
 def test_truncated_or_damaged_file_is_a_data_error(suffix: str, cut: float, flip: int, tmp_path: Path) -> None:
-    path = tmp_path / f"run{suffix}"
-    formats.write(path, COLUMNS)
-    content = bytearray(path.read_bytes())
+    path, whole = tmp_path / f"run{suffix}", tmp_path / f"whole{suffix}"
+    if not whole.exists():
+        formats.write(whole, COLUMNS)
+    content = bytearray(whole.read_bytes())
     content[flip % len(content)] ^= 0x55
     path.write_bytes(content[: int(cut * len(content))] if cut < 0.8 else content)
     try:
@@ -239,6 +241,8 @@ def test_a_damaged_mat_7_3_is_a_data_error(cut: float, flip: int, tmp_path: Path
         ("run.tdms", b"TDSm".ljust(60), "nptdms", "tdms"),
         ("run.mcap", b"x", "mcap.reader", "mcap"),
         ("run.uff", b"    -1\n", "pyuff", "uff"),
+        ("run.bag", b"#ROSBAG V2.0\n", "rosbags.highlevel", "ros"),
+        ("run.db3", b"SQLite format 3\0", "rosbags.highlevel", "ros"),
     ],
 )
 def test_a_missing_extra_is_named_in_one_line(
@@ -354,3 +358,169 @@ def test_measured_files_are_read(data: Path) -> None:
     }.items():
         if (data / name).exists():
             assert len(formats.read(data / name).columns) == columns
+
+
+@needs("rosbags")
+@pytest.mark.parametrize("suffix", [".bag", ".db3"])
+def test_rosbag_of_a_robot_names_its_joints(suffix: str, tmp_path: Path) -> None:
+    path = ros_log(tmp_path, suffix)
+    table = formats.read(path)
+    assert np.allclose(table.columns["joint_states.time"], 0.1 * np.arange(20), atol=1e-8)
+    assert np.array_equal(table.columns["joint_states.position.elbow"], [0.2 * i for i in range(20)])
+    assert np.array_equal(table.columns["joint_states.effort.shoulder"], np.sin(np.arange(20)))
+    assert "joint_states.velocity" not in table.columns and len(table.columns["load.wrench.force.x"]) == 10
+
+
+@needs("rosbags")
+def test_a_db3_from_before_iron_is_read_with_the_messages_of_ros(tmp_path: Path) -> None:
+    """Such a bag does not say how its messages are laid out."""
+    import sqlite3
+
+    path = ros_log(tmp_path, ".db3")
+    with sqlite3.connect(path) as base:
+        base.execute("DROP TABLE message_definitions")
+        base.execute("DROP TABLE schema")
+        base.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+        base.execute("UPDATE topics SET type = 'acme_msgs/msg/Odd' WHERE name = '/load'")
+        base.commit()
+        base.execute("VACUUM")
+    base.close()
+    table = formats.read(path)
+    assert np.array_equal(table.columns["position.elbow"], [0.2 * i for i in range(20)])
+    assert "acme_msgs/msg/Odd, is not known" in table.unusable["/load"]
+
+
+def ros_log(folder: Path, suffix: str) -> Path:
+    """A log of 20 joint states and 10 wrenches, as a robot of ROS 1 or ROS 2 writes it."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    old = suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    t = store.types
+    encode = store.serialize_ros1 if old else store.serialize_cdr
+
+    def header(seconds: float):
+        whole, part = divmod(round(seconds * 1e9), 10**9)
+        stamp = t["builtin_interfaces/msg/Time"](sec=1_700_000_000 + whole, nanosec=part)
+        seq = {"seq": 0} if old else {}
+        return t["std_msgs/msg/Header"](stamp=stamp, frame_id="base", **seq)
+
+    path = folder / f"log{suffix}"
+    writer = rosbag1.Writer(path) if old else rosbag2.Writer(folder / "log", version=9)
+    with writer:
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        loads = writer.add_connection("/load", "geometry_msgs/msg/WrenchStamped", typestore=store)
+        for i in range(20):
+            state = t["sensor_msgs/msg/JointState"](
+                header=header(0.1 * i), name=["shoulder", "elbow"], position=np.array([0.1 * i, 0.2 * i]),
+                velocity=np.array([]), effort=np.array([np.sin(i), 2.0]),
+            )  # fmt: skip
+            logged = 1_700_000_000 * 10**9 + 10**8 * i
+            writer.write(states, logged, encode(state, "sensor_msgs/msg/JointState"))
+            if i % 2:
+                vector = t["geometry_msgs/msg/Vector3"](x=float(i), y=0.0, z=0.0)
+                wrench = t["geometry_msgs/msg/Wrench"](force=vector, torque=vector)
+                load = t["geometry_msgs/msg/WrenchStamped"](header=header(0.1 * i), wrench=wrench)
+                writer.write(loads, logged, encode(load, "geometry_msgs/msg/WrenchStamped"))
+    return path if old else (folder / "log" / "log.db3").rename(path)
+
+
+@needs("rosbags")
+@pytest.mark.parametrize("suffix", [".bag", ".db3"])
+@anyhow
+@given(cut=st.floats(0, 1), flips=st.lists(st.integers(0, 100_000), max_size=3))
+def test_a_damaged_log_of_a_robot_is_a_data_error(suffix: str, cut: float, flips: list[int], tmp_path: Path) -> None:
+    whole = tmp_path / f"log{suffix}"
+    content = bytearray((whole if whole.exists() else ros_log(tmp_path, suffix)).read_bytes())
+    for flip in flips:
+        content[flip % len(content)] ^= 0x55
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(content[: int(cut * len(content))] if cut < 0.8 else content)
+    try:
+        formats.read(path)
+    except DataError as error:
+        assert "\n" not in str(error) and f"run{suffix}" in str(error)
+
+
+def lerobot(folder: Path, names: object, episodes: int, kind: object = None) -> Path:
+    """A data set in the layout of LeRobot: two joints at 30 Hz, 20 samples in each episode."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    n = 20 * episodes
+    kind = kind or pa.list_(pa.float32())
+    state = np.stack([np.arange(n), -np.arange(n)], axis=1).astype(np.float32)
+    frame = np.tile(np.arange(20), episodes)
+    table = pa.table(
+        {
+            "observation.state": pa.array(state.tolist(), kind),
+            "action": pa.array((state + 1).tolist(), kind),
+            "timestamp": pa.array((frame / 30).astype(np.float32)),
+            "frame_index": pa.array(frame),
+            "episode_index": pa.array(np.repeat(np.arange(episodes), 20)),
+        }
+    )
+    path = folder / "data" / "chunk-000" / "file-000.parquet"
+    path.parent.mkdir(parents=True)
+    (folder / "meta").mkdir()
+    pq.write_table(table, path)
+    feature = {"dtype": "float32", "shape": [2], "names": names}
+    info = {"codebase_version": "v3.0", "fps": 30, "features": {"observation.state": feature, "action": feature}}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        (["pan.pos", "lift.pos"], ["pan.pos", "lift.pos"]),
+        ({"motors": ["pan", "lift"]}, ["pan", "lift"]),
+        (None, ["0", "1"]),
+        (["only one"], ["0", "1"]),
+        (["twice", "twice"], ["0", "1"]),
+    ],
+)
+def test_lerobot_says_what_the_places_of_a_list_are(names: object, found: list[str], tmp_path: Path) -> None:
+    import pyarrow as pa
+
+    for i, kind in enumerate((pa.list_(pa.float32()), pa.list_(pa.float32(), 2), pa.large_list(pa.float64()))):
+        table = formats.read(lerobot(tmp_path / str(i), names, 1, kind))
+        assert [k for k in table.columns if k.startswith("action.")] == [f"action.{k}" for k in found]
+        assert np.array_equal(table.columns[f"observation.state.{found[1]}"], -np.arange(20.0))
+
+
+def test_an_episode_is_chosen_and_never_guessed(tmp_path: Path) -> None:
+    table = formats.read(lerobot(tmp_path, ["a", "b"], 3))
+    one = table.episode(2)
+    assert np.array_equal(one.columns["action.a"], np.arange(41.0, 61.0))
+    assert np.allclose(one.columns["timestamp"], np.arange(20) / 30, atol=1e-6)
+    with pytest.raises(DataError, match="the file has 3 episodes, 0, 1, 2: choose one, as in episode = 0"):
+        table.episode(None)
+    with pytest.raises(DataError, match="3 episodes, 0, 1, 2: 7 is none of them"):
+        table.episode(7)
+    assert one.episode(None) is one
+    with pytest.raises(DataError, match="episode = 1 needs a column 'episode_index'; the file has time"):
+        formats.Table({"time": np.arange(3.0)}).episode(1)
+
+
+def test_lists_that_are_no_columns_are_told(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = {"ragged": [[1.0], [1.0, 2.0]], "hole": [[1.0], None], "text": [["a"], ["b"]], "x": [1, 2]}
+    rows |= {"none": pa.array([[], []], pa.list_(pa.float32()))}
+    pq.write_table(pa.table(rows), tmp_path / "run.parquet")
+    table = formats.read(tmp_path / "run.parquet")
+    assert list(table.columns) == ["x"]
+    assert table.unusable == {
+        "ragged": "its lists have different lengths", "hole": "its lists have different lengths",
+        "text": "it holds lists of string, not of numbers", "none": "its lists are empty",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"features": 3}', '{"features": {"action": []}}', "[" * 100_000])
+def test_a_damaged_description_of_a_lerobot_set_leaves_numbers(content: str, tmp_path: Path) -> None:
+    path = lerobot(tmp_path, ["a", "b"], 1)
+    (tmp_path / "meta" / "info.json").write_text(content)
+    assert "action.0" in formats.read(path).columns

@@ -16,7 +16,7 @@ import importlib
 import os
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -28,6 +28,9 @@ from numpy.typing import NDArray
 from ..errors import DataError, GmsError, listing
 
 Array = NDArray[np.float64]
+
+EPISODE = "episode_index"  # column of the data sets of LeRobot
+_SOME = 8  # names in a message
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,28 @@ class Table:
     named: bool = True
     lines: NDArray[np.int64] | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+
+    def episode(self, number: int | None) -> Table:
+        """The rows of one episode, by the column "episode_index" of a robot's data set; itself where there is but one.
+
+        Raises:
+            DataError: there is no such episode, or there are several and none is chosen.
+        """
+        index = self.columns.get(EPISODE)
+        if index is None:
+            if number is None:
+                return self
+            raise DataError(f"episode = {number} needs a column {EPISODE!r}; the file has {listing(self.columns)}")
+        found = np.unique(index)
+        if number is None and len(found) <= 1:
+            return self
+        if number is None or number not in found:
+            some = ", ".join(f"{x:g}" for x in found[:_SOME]) + (", ..." if len(found) > _SOME else "")
+            asked = "choose one, as in episode = " + f"{found[0]:g}" if number is None else f"{number} is none of them"
+            raise DataError(f"the file has {len(found)} episodes, {some}: {asked}")
+        here = index == number
+        columns = {k: v[here] if len(v) == len(here) else v for k, v in self.columns.items()}
+        return replace(self, columns=columns, lines=None if self.lines is None else self.lines[here])
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
