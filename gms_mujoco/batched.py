@@ -74,7 +74,7 @@ def lay_out(model: mujoco.MjModel) -> Layout:
     """Reads the friction of a model that has been attached to it.
 
     Raises:
-        ModelError: no joint has friction; friction that depends on the load; or that is too stiff for an explicit step.
+        ModelError: no joint has friction, or it is too stiff for an explicit step.
         EngineError: the model has other plug-ins, or sensors of the friction.
     """
     data = mujoco.MjData(model)
@@ -121,12 +121,6 @@ def lay_out(model: mujoco.MjModel) -> Layout:
 
 
 def _check(joint: str, friction: native.Attached, timestep: float) -> None:
-    if friction.reads_load:
-        names = listing(e for e, _, _ in friction.effects)
-        raise ModelError(
-            f"joint {joint!r} has {names}: friction by the load is in MuJoCo alone, since here the torque of the "
-            "actuators is not known yet; all other effects run in many worlds"
-        )
     if friction.stiffness > friction.limit:
         raise ModelError(
             f"joint {joint!r}: its friction is too stiff for an explicit step of {timestep:g} s (h slope / inertia is "

@@ -78,7 +78,7 @@ class Friction:
         """
         p = self.parameters if parameters is None else parameters
         time, step = jnp.reshape(d.time, (1,)), jnp.reshape(m.opt.timestep, (1,))
-        motion = (time, step, d.qpos[self._places], d.qvel[self._dofs])
+        motion = (time, step, d.qpos[self._places], d.qvel[self._dofs], d.qfrc_actuator[self._dofs])
         inputs = [jnp.asarray(x, jnp.float32)[None] for x in (p, state, *motion)]
         torque, state = self._torque(*inputs)
         return torque[0], state[0]
@@ -109,7 +109,7 @@ def put_model(model: mujoco.MjModel) -> tuple[mjx.Model, Friction]:
         model: with friction from `gms_mujoco.attach`.
 
     Raises:
-        ModelError: no joint has friction, it depends on the load, it is too stiff for an explicit step, or the
+        ModelError: no joint has friction, it is too stiff for an explicit step, or the
             integrator is another than Euler or implicitfast.
         EngineError: the model has other plug-ins, or sensors of the friction.
     """

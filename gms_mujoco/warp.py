@@ -91,7 +91,7 @@ class Friction:
         wp.launch(
             self._kernel,
             dim=self.torque.shape,
-            inputs=[self._dofs, self._places, self.parameters, m.opt.timestep, d.time, d.qpos, d.qvel],
+            inputs=[self._dofs, self._places, self.parameters, m.opt.timestep, d.time, d.qpos, d.qvel, d.qfrc_actuator],
             outputs=[self.state, self.torque, d.qfrc_passive],
             device=self.state.device,
         )
@@ -109,6 +109,7 @@ def _kernel(layout: batched.Layout) -> Any:
         time: wp.array[float],
         qpos: wp.array2d[float],
         qvel: wp.array2d[float],
+        qfrc_actuator: wp.array2d[float],
         state: wp.array2d[wp.float64],
         torque: wp.array2d[wp.float64],
         qfrc_passive: wp.array2d[float],
@@ -126,6 +127,7 @@ def _kernel(layout: batched.Layout) -> Any:
             wp.float64(timestep[world % timestep.shape[0]]),
             wp.float64(qpos[world, places[joint]]),
             wp.float64(qvel[world, dof]),
+            wp.float64(qfrc_actuator[world, dof]),
         )
         torque[world, joint] = f
         qfrc_passive[world, dof] += float(f)
@@ -145,7 +147,7 @@ def put_model(model: mujoco.MjModel, nworld: int = 1) -> tuple[mjw.Model, Fricti
         place calls `friction(m, d)`.
 
     Raises:
-        ModelError: no joint has friction, it depends on the load, it is too stiff for an explicit step, or the
+        ModelError: no joint has friction, it is too stiff for an explicit step, or the
             integrator is RK4, whose stages cannot be told from steps.
         EngineError: the model has plug-in sensors.
     """

@@ -68,15 +68,16 @@ def test_every_effect_is_the_native_replay_along_a_motion():
     d = mjx.make_data(m)
 
     @jax.jit
-    def replay(time, position, velocity):
+    def replay(*motion):
         def at(state, now):
-            t, q, v = now
-            here = d.replace(time=t, qpos=jnp.full_like(d.qpos, q), qvel=jnp.full_like(d.qvel, v))
+            t, q, v, load = now
+            full = {k: jnp.full_like(d.qvel, x) for k, x in (("qpos", q), ("qvel", v), ("qfrc_actuator", load))}
+            here = d.replace(time=t, **full)
             _, state = friction.torque(m, here, state)
             torque, state = friction.torque(m, here, state)  # once more changes nothing
             return state, torque
 
-        return jax.lax.scan(at, friction.init(), (time, position, velocity))[1]
+        return jax.lax.scan(at, friction.init(), motion)[1]
 
     for joint, torque in zip(friction.joints, replay(*motion()).T, strict=True):
         should = expected(joint, *motion())

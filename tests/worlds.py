@@ -10,8 +10,7 @@ from gms_mujoco import effects
 from gms_mujoco.plant import Plant
 
 STEP = float(np.float32(1e-3))
-LOADED = "load_dependent_friction"
-EVERY = [n for n, c in effects.CATALOGUE.items() if c.is_native and n != LOADED]
+EVERY = [n for n, c in effects.CATALOGUE.items() if c.is_native]
 
 
 def plant(name: str) -> Plant:
@@ -31,14 +30,14 @@ def catalogue() -> mujoco.MjModel:
     return gms.attach(spec, {name: plant(name) for name in EVERY}, "explicit").compile()
 
 
-def motion(n: int = 600) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) time, position and velocity in single precision, with reversals and a rest."""
+def motion(n: int = 600) -> tuple[np.ndarray, ...]:
+    """(n,) time, position, velocity and load in single precision, with reversals and a rest."""
     t = np.arange(n) * STEP
     q = 0.02 * np.sin(2 * np.pi * 4 * t) + 0.005 * np.sin(2 * np.pi * 9 * t + 1)
     q = np.where((t > 0.3) & (t < 0.35), q[300], q)
-    return tuple(np.asarray(x, np.float32) for x in (t, q, np.gradient(q, t)))
+    return tuple(np.asarray(x, np.float32) for x in (t, q, np.gradient(q, t), 3 * np.cos(20 * t)))
 
 
-def expected(name: str, time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+def expected(name: str, time: np.ndarray, *motion: np.ndarray) -> np.ndarray:
     """(n,) torque by the native replay."""
-    return plant(name).joint().replay(np.arange(len(time)) * STEP, position, velocity).torque
+    return plant(name).joint().replay(np.arange(len(time)) * STEP, *motion).torque

@@ -96,7 +96,7 @@ def _load() -> ctypes.CDLL:
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
         ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),
         ("gms_engine_strip", integer, (pointer,)),
-        ("gms_engine_effect", pointer, (pointer, pointer, integer, integer) + (pointer,) * 5),
+        ("gms_engine_effect", pointer, (pointer, pointer, integer, integer) + (pointer,) * 4),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
@@ -211,28 +211,25 @@ class Attached:
 
     Attributes:
         effects: (name, number of elements, packed parameters) of each.
-        reads_load: whether it depends on the load.
         stiffness: time step times slope over inertia; negative where an explicit step is asked for.
         limit: of the stiffness for an explicit step.
     """
 
     effects: list[tuple[str, int, Array]]
-    reads_load: bool
     stiffness: float
     limit: float
 
 
 def attached(model: int, data: int, joint: int) -> Attached | None:
     """The friction of a joint of a MuJoCo model, given by addresses as for `reading`; None where it has none."""
-    effect, n, reads_load = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
-    stiffness, limit = ctypes.c_double(), ctypes.c_double()
+    effect, n, stiffness, limit = ctypes.c_int(), ctypes.c_int(), ctypes.c_double(), ctypes.c_double()
     found: list[tuple[str, int, Array]] = []
-    out = [ctypes.byref(x) for x in (effect, n, reads_load, stiffness, limit)]
+    out = [ctypes.byref(x) for x in (effect, n, stiffness, limit)]
     while address := library.gms_engine_effect(model, data, joint, len(found), *out):
         declared = DECLARATIONS[effect.value]
         size = sum(n.value if p.per_element else 1 for p in declared.parameters)
         found.append((declared.name, n.value, np.array((ctypes.c_double * size).from_address(address))))
-    return Attached(found, bool(reads_load.value), stiffness.value, limit.value) if found else None
+    return Attached(found, stiffness.value, limit.value) if found else None
 
 
 class Joint:

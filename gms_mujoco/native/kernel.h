@@ -31,10 +31,11 @@ inline double total(const int* uses, int n, const double* p, const Motion& motio
 
 // Torque on the joint now, and its state: `before` and `after` may be the same. The first call at a later time moves the
 // state on, over a whole number of steps, for time has single precision only; repeated calls at one time change nothing.
-// Where time has gone back, or is not a number in the state, the joint has never moved.
+// Where time has gone back, or is not a number in the state, the joint has never moved. `load` is that of the step that
+// has led here, as when the plug-in moves its state on.
 template <class Real>
 double evaluate(int number, const Real* parameters, const Real* before, Real* after, double time, double step,
-                double position, double velocity) {
+                double position, double velocity, double load) {
   double p[GMS_MOST_PARAMETERS], state[GMS_MOST_STATES], next[GMS_MOST_STATES];
   const int* joint = kJoints + number * kJointRow;
   const int* uses = kUses + joint[kFirstUse] * kUseRow;
@@ -43,7 +44,7 @@ double evaluate(int number, const Real* parameters, const Real* before, Real* af
   for (int i = 0; i < n_state; i++) state[i] = before[joint[kFirstState] + i];
 
   const bool reset = !(time >= state[kAnchorTime]), later = time > state[kAnchorTime];
-  Motion motion{position, 0, velocity, 0, time, 0, 0};
+  Motion motion{position, 0, velocity, 0, time, load, 0};
   double f;
   if (reset || (!later && state[kVirgin] != 0)) {  // to be set somewhere after a reset is no motion
     if (reset) {

@@ -268,10 +268,10 @@ GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint
 }
 
 // Effect number i of the friction of a joint: its number in the catalogue, its elements, and its parameters in the order
-// of its table; null past the last. `reads_load`: whether the friction depends on the load. `stiffness`: h slope /
-// inertia of the joint, above `limit` too stiff for an explicit step; negative where one is asked for.
+// of its table; null past the last. `stiffness`: h slope / inertia of the joint, above `limit` too stiff for an
+// explicit step; negative where one is asked for.
 GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int joint, int i, int* effect, int* n,
-                                        int* reads_load, double* stiffness, double* limit) {
+                                        double* stiffness, double* limit) {
   for (int id = 0; id < m->nplugin; id++) {
     if (m->plugin[id] != gms::plugin_slot) continue;
     for (const Unit& x : handle(d, id)->instance.units) {
@@ -281,7 +281,6 @@ GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int j
       *effect = static_cast<int>(std::find(gms::kCatalogue, gms::kCatalogue + gms::kCatalogueSize, uses[i].effect) -
                                  gms::kCatalogue);
       *n = uses[i].n;
-      *reads_load = x.reads_load;
       *limit = gms::kExplicitLimit;
       *stiffness = x.integration == 1 ? -1 : h * m->dof_invweight0[x.dof] * x.joint->slope(h);
       return uses[i].p.data();
