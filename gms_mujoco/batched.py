@@ -69,6 +69,24 @@ class Layout:
         state[:, [row[4] + 1 for row in self.joints]] = np.nan
         return state
 
+    def state_of(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+        """(n_state,) of the joints of a MuJoCo simulation with the plug-in, as it stands between two steps."""
+        out = self.virgin(1)[0]
+        for name, row in zip(self.names, self.joints, strict=True):
+            found = native.reading(model._address, data._address, model.joint(name).id)
+            if found is None or [e for e, _, _ in found[1]] != list(self.states[name]):
+                raise ModelError(f"joint {name!r} of the data has other friction than the model that was put")
+            torque, parts = found
+            for effect, begin, end in parts:
+                out[self.states[name][effect]] = data.plugin_state[begin:end]
+            # See kBookkeeping in native/instance.h. Time is that of the data, which may have been rounded.
+            anchor = torque - native.ANCHOR - (row[5] - OWN_STATE)
+            fresh, ahead, velocity = data.plugin_state[torque + 1 : torque + 4]
+            if not np.isnan(data.plugin_state[anchor]):
+                own = (data.plugin_state[anchor], np.float32(data.plugin_state[anchor + 1]), fresh, ahead, velocity)
+                out[row[4] : row[4] + OWN_STATE] = own
+        return out
+
 
 def lay_out(model: mujoco.MjModel) -> Layout:
     """Reads the friction of a model that has been attached to it.

@@ -117,8 +117,8 @@ def evaluator(layout: Layout, real: Any) -> Any:
             double.
 
     Returns:
-        f(joint, parameters, row, before, after, world, time, timestep, position, velocity, load) -> torque [N m], `row`
-        being that of the parameters, and `before` and `after` the states, (nworld, n_state), which may be the same array.
+        f(joint, parameters, row, before, after, world, time, timestep, position, velocity, load) -> torque [N m]; `row`
+        is that of the parameters, `before` and `after` are the states, (nworld, n_state), and may be the same array.
     """
     snippet = _snippet(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
 

@@ -44,9 +44,17 @@ class Friction:
         self.joints = layout.names
         self.parameters = jnp.asarray(layout.parameters, jnp.float32)
 
-    def init(self) -> jax.Array:
-        """(n_state,) of joints that have never moved. Give it back to a world to reset its friction."""
-        return jnp.asarray(self._layout.virgin(1)[0], jnp.float32)
+    def init(self, model: mujoco.MjModel | None = None, data: mujoco.MjData | None = None) -> jax.Array:
+        """(n_state,) of joints that have never moved. Give it back to a world to reset its friction.
+
+        With the model and data of a MuJoCo simulation: the state of its friction, beside `mjx.put_data` of it.
+
+        Raises:
+            ModelError: the data has other friction than the model that was put.
+        """
+        if model is None or data is None:
+            return jnp.asarray(self._layout.virgin(1)[0], jnp.float32)
+        return jnp.asarray(self._layout.state_of(model, data), jnp.float32)
 
     def replace(
         self, joint: str, values: Mapping[str, ArrayLike], nworld: int = 1, parameters: jax.Array | None = None

@@ -65,6 +65,8 @@ class Friction:
 
         Raises:
             ModelError: no such joint or parameter, another shape, or values that the effect does not take.
+
+        Where worlds begin to differ `parameters` becomes another array: capture a graph after that.
         """
         table = batched.changed(self._layout, self.parameters.numpy(), joint, values, self.nworld)
         if table.shape == self.parameters.shape:
@@ -83,6 +85,14 @@ class Friction:
         state = np.array(self.state.numpy())
         state[chosen] = self._layout.virgin(1)
         self.state.assign(state)
+
+    def put_state(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Gives all worlds the friction state of a MuJoCo simulation, beside `mujoco_warp.put_data` of it.
+
+        Raises:
+            ModelError: the data has other friction than the model that was put.
+        """
+        self.state.assign(np.tile(self._layout.state_of(model, data), (self.nworld, 1)))
 
     def __call__(self, m: mjw.Model, d: mjw.Data) -> None:
         """Adds the torque to `d.qfrc_passive`: what `m.callback.passive` does."""

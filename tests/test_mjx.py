@@ -116,6 +116,18 @@ def test_a_fork_goes_on_as_the_run_it_came_from_and_a_reset_begins_anew(bearing)
         np.testing.assert_array_equal(run(d, before, p, TORQUE[:HALF])[2], first)
 
 
+def test_a_run_of_mujoco_is_taken_over_with_its_friction(bearing):
+    model, _, friction, run = bearing
+    data = mujoco.MjData(model)
+    for u in TORQUE[:HALF]:
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data)
+    _, _, p = virgin(bearing[1], friction)
+    d = mjx.put_data(model, data)
+    given = jax.tree.map(lambda x: jnp.repeat(x[None], 3, axis=0), (d, friction.init(model, data)))
+    np.testing.assert_allclose(run(*given, p, TORQUE[HALF:])[2][0], truth(model)[HALF:], atol=1e-6)
+
+
 def test_refuses_what_it_cannot_do(bearing):
     with pytest.raises(ModelError, match="Euler or implicitfast; RK4 given"):
         gms_mjx.put_model(axis(integrator="RK4")[0])

@@ -159,6 +159,27 @@ def test_a_fork_goes_on_as_the_run_it_came_from(bearing):
     np.testing.assert_array_equal(drive(m, d, torque[100:]), went)
 
 
+def test_a_run_of_mujoco_is_taken_over_with_its_friction(bearing):
+    _, data = axis()
+    torque = stick_slip(300)
+    for u in torque[:150]:
+        data.ctrl[:] = u
+        mujoco.mj_step(bearing, data)
+    m, friction = gms_warp.put_model(bearing, nworld=N)
+    d = mjw.put_data(bearing, data, nworld=N)
+    friction.put_state(bearing, data)
+    found = drive(m, d, torque[150:])
+    truth = []
+    for u in torque[150:]:
+        truth.append(data.qpos[0])
+        data.ctrl[:] = u
+        mujoco.mj_step(bearing, data)
+    np.testing.assert_allclose(found, np.tile(truth, (N, 1)).T, atol=1e-6)
+    other, fresh = axis(BEARING.without("gms"))
+    with pytest.raises(ModelError, match="joint 'shaft' of the data has other friction"):
+        friction.put_state(other, fresh)
+
+
 def test_refuses_what_it_cannot_do(bearing):
     with pytest.raises(ModelError, match="Euler, implicit, implicitfast or discrete; RK4 given"):
         gms_warp.put_model(axis(integrator="RK4")[0])
