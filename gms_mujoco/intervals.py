@@ -1,32 +1,105 @@
-"""How sure a fit is: the covariance of its unknowns where residuals are correlated and the model is not perfect."""
+"""How sure a fit is: intervals that hold where residuals are correlated and the model is not perfect.
+
+The sandwich estimate (Huber 1967; White 1980) sums residuals over blocks. From few blocks it comes out too small, for a
+fit bends towards those that weigh most, and it is itself uncertain. Both are put right by the leverage of the blocks,
+the latter as degrees of freedom of Student's t (Bell and McCaffrey, Survey Methodology 28, 2002; Pustejovsky and
+Tipton, J. Business and Economic Statistics 36, 2018): by its square root where residuals are noise (CR2, unbiased if
+blocks are independent), in full where they stay alike for long (CR3, the jackknife, on the safe side).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from .frf_observation import Seen
+from .inverse import Observation
 from .misfit import Misfit
 from .tall import gram
 
 Array = NDArray[np.float64]
 
+_BLOCK = 0.5  # s, the shortest
+_CORRELATED = 40.0  # correlation times of the residual that a block lasts at least
+_LAGS = 8  # a part of the record, over which a correlation is looked at: further it is noise
+_FEWEST_BLOCKS = 6  # of all records together, if they are long enough
+_LEVERAGE = 0.95  # that a block has at most: one that alone decides leaves no residual to judge it by
 
-def covariance(misfit: Misfit, x: Array, block: float = 0.25) -> Array:
-    """Covariance of the vector that stays right when residuals are correlated and the model is not perfect.
 
-    The sandwich estimate (Huber 1967; White 1980) with residuals summed over blocks of time.
+def covariance(misfit: Misfit, x: Array) -> Array:
+    """(size, size) covariance of the vector of least squares, so that 1.96 standard deviations are a 95 % interval.
+
+    Each standard deviation is larger than the sandwich's by Student's t over 1.96, for it is known from few blocks.
+    """
+    residual = misfit.residual(x)
+    # A state that the data hardly see is as unsure as it was before them.
+    prior = np.diag(misfit.prior * float(np.mean(residual**2)))
+    rough = misfit.jacobian(x)
+    deviation = np.sqrt(np.sum(_root_of_inverse(gram(rough, rough) + prior) ** 2, 1) * np.mean(residual**2))
+    jacobian = misfit.with_steps(x, deviation).jacobian(x)
+    root = _root_of_inverse(gram(jacobian, jacobian) + prior)
+    scores, kept, kept_twice = [], [], []
+    for begin, end, power in blocks(misfit.observations, np.split(residual, misfit.splits)):
+        own = jacobian[begin:end] @ root
+        leverage, axes = np.linalg.eigh(gram(own, own))
+        leverage = np.clip(leverage, 0, _LEVERAGE)
+        more = (1 - leverage) ** -power
+        scores.append(axes @ (more * (axes.T @ gram(own, residual[begin:end]))))
+        kept.append((axes * (leverage * more)) @ axes.T)
+        kept_twice.append((axes * (leverage * more**2)) @ axes.T)
+    freedom = _freedom(root, np.array(kept), np.array(kept_twice))
+    wider = stats.t.ppf(0.975, np.maximum(freedom, 1.0)) / 1.96
+    spread = root @ np.array(scores).T * wider[:, None]
+    return np.asarray(spread @ spread.T)
+
+
+def _freedom(root: Array, kept: Array, kept_twice: Array) -> Array:
+    """(size,) Satterthwaite's degrees of freedom, for residuals that would be independent.
 
     Args:
-        block: length of a block [s].
+        root: (size, size) square root of the inverse of the normal matrix.
+        kept, kept_twice: (blocks, size, size) normal matrix of each block, corrected for its leverage once and twice.
     """
-    residual, jacobian = misfit.residual(x), misfit.jacobian(x)
-    scores = block_sums(misfit.observations, jacobian * residual[:, None], block)
-    bread = _pseudo_inverse(gram(jacobian, jacobian))
-    influence = scores @ bread  # its square is symmetric and never negative, however large what the data do not see
-    return np.asarray(influence.T @ influence * len(scores) / max(len(scores) - misfit.coordinates.size, 1))
+    out = np.empty(len(root))
+    for i, c in enumerate(root):
+        own = np.einsum("j,gjk,k->g", c, kept_twice, c)
+        shared = kept @ c
+        trace = own.sum() - float(np.sum(shared**2))
+        square = np.sum(own**2) - 2 * float(own @ np.sum(shared**2, 1)) + float(np.sum((shared.T @ shared) ** 2))
+        out[i] = trace**2 / square if square > 0 else 1.0
+    return out
+
+
+def blocks(observations: Sequence[Seen], residuals: Sequence[Array]) -> Iterator[tuple[int, int, float]]:
+    """First row, end, and power of the leverage of blocks that are hardly correlated with each other.
+
+    Noise is forgotten within a sample or two, what a model lacks stays for as long as the motion does: the residual
+    of each record says how long its blocks have to be.
+    """
+    records = max(sum(isinstance(o, Observation) for o in observations), 1)
+    start = 0
+    for o, r in zip(observations, residuals, strict=True):
+        length, power = o.rows_per_block(_BLOCK), 0.5
+        if isinstance(o, Observation):
+            alike = round(_CORRELATED * correlation(r))
+            if alike > length:
+                length, power = max(min(alike, len(r) // math.ceil(_FEWEST_BLOCKS / records)), length), 1.0
+        edges = np.linspace(start, start + len(r), max(len(r) // length, 1) + 1).astype(int)
+        yield from ((int(a), int(b), power) for a, b in pairwise(edges))
+        start += len(r)
+
+
+def correlation(residual: Array) -> float:
+    """Correlation time of a series in samples: the sum of its squared autocorrelations."""
+    n = len(residual)
+    power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
+    product = np.fft.irfft(power)[: max(n // _LAGS, 1)]
+    return float(1 + 2 * np.sum((product[1:] / product[0]) ** 2)) if product[0] > 0 else 1.0
 
 
 def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:
@@ -41,9 +114,9 @@ def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array
     return np.add.reduceat(rows, np.concatenate(edges), axis=0)
 
 
-def _pseudo_inverse(a: Array) -> Array:
-    """Inverse of a symmetric matrix, scaled; directions that the data does not see get no spurious certainty."""
+def _root_of_inverse(a: Array) -> Array:
+    """root with root @ root.T the inverse of a symmetric matrix, scaled; directions that the data does not see get no
+    spurious certainty."""
     scale = np.sqrt(np.maximum(np.diag(a), 1e-24 * max(np.diag(a).max(initial=0.0), 1e-200)))
     value, vector = np.linalg.eigh(a / np.outer(scale, scale))
-    inverse = vector @ np.diag(1 / np.maximum(value, 1e-14)) @ vector.T
-    return inverse / np.outer(scale, scale)
+    return np.asarray(vector / np.sqrt(np.maximum(value, 1e-14)) / scale[:, None])

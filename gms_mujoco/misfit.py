@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 
 _STEP = 1e-3  # of the derivatives
+_LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
@@ -59,6 +60,7 @@ class Misfit:
         self.coordinates = Coordinates(template, fixed)
         self.coarse = coarse
         self.set_grids: list[Grid | None] | None = None
+        self.set_steps: Array | None = None
         self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
         self.observations = tuple(observations)
@@ -275,9 +277,7 @@ class Misfit:
             wanted[columns] = True
         n, lengths = self.coordinates.size, [len(o.index) for o in self.observations]
         out = np.zeros((sum(lengths), self.size))
-        scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
-        steps = _STEP * np.concatenate([scale, np.ones(self.size - n)])
-        steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
+        steps = self._steps(x) if self.set_steps is None else self.set_steps
         lower, upper = self.bounds
         steps = np.where(x + steps <= upper, steps, -steps)
         both = (np.arange(self.size) < n) & (x - steps >= lower) & (x - steps <= upper)  # may be looked at both ways
@@ -324,6 +324,24 @@ class Misfit:
         out[:, ~wanted] = 0
         return out
 
+    def _steps(self, x: Array) -> Array:
+        """(size,) small steps of each unknown, from its scale."""
+        n = self.coordinates.size
+        scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
+        steps = _STEP * np.concatenate([scale, np.ones(self.size - n)])
+        steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
+        return np.asarray(steps)
+
+    def with_steps(self, x: Array, deviation: Array) -> Misfit:
+        """The same problem with derivatives over steps (size,) about as large as what matters, not much off the usual.
+
+        Slips begin and end at other instants for every parameter: a difference over less than what the data can tell
+        sees too few of them, over more it leaves what the data tell apart.
+        """
+        out, usual = copy(self), self._steps(x)
+        out.set_steps = np.clip(deviation, _LEAST_STEP * usual, _MOST_STEP * usual)
+        return out
+
     @cached_property
     def _owners(self) -> list[str]:
         """Name of the effect of each coordinate, then of each state before a record."""
@@ -365,7 +383,7 @@ class Misfit:
                 factor[index] = math.exp(step)
                 return (torque(factor) - base) / step
 
-            found = _without_jumps(slope, _STEP, True)
+            found = _without_jumps(slope, float(np.median(np.abs(steps[own]))), True)
             if b.scale == "share":  # log-ratios to the last share
                 share = effect.packed[index]
                 found = (found - share[:, None] * found.sum(0))[:-1]
