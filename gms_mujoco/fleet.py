@@ -47,6 +47,7 @@ SUMMARY = ("summary.csv", "summary.json")
 VERBS = ("fit", "diagnose")
 _COLUMNS = ("name", "status", "verdict", "effects", "fit_error", "validate_error", "noise_floor", "seconds", "dataset",
             "joint", "error")  # fmt: skip
+_SHOWN = 40  # rows in the printed table, beside those that failed
 _LENGTH = 80  # characters of an error in the printed table
 
 
@@ -100,12 +101,15 @@ class Fleet:
 
     def __str__(self) -> str:
         lines = [f"{'name':32} {'result':18} {'fit':>8} {'validate':>8} {'floor':>8}  effects"]
-        for r in self.rows:
+        shown = [*self.rows[:_SHOWN], *(r for r in self.rows[_SHOWN:] if r["status"] != "done")]
+        for r in shown:
             if r["status"] != "done":
                 lines.append(f"{r['name'][:32]:32} failed: {r['error'][:_LENGTH]}")
                 continue
             errors = " ".join(_percent(r.get(k)) for k in ("fit_error", "validate_error", "noise_floor"))
             lines.append(f"{r['name'][:32]:32} {r.get('verdict') or 'fitted':18} {errors}  {', '.join(r['effects'])}")
+        if len(shown) < len(self.rows):
+            lines.append(f"... and {len(self.rows) - len(shown)} more that are done, see {SUMMARY[0]}")
         return "\n".join([*lines, f"{len(self.rows) - len(self.failed)} done, {len(self.failed)} failed"])
 
 

@@ -20,6 +20,7 @@ from .threads import alone
 
 RESULT = "result.json"
 _PATIENCE = 10.0  # s, for a scheduler to answer
+_IDLE = 20.0  # s, after which a process without work ends, also where the one that asked was killed
 
 Row = dict[str, Any]
 
@@ -96,7 +97,9 @@ class _Workers(AbstractContextManager["_Workers"]):
         self._stack = ExitStack()
 
     def __enter__(self) -> _Workers:
-        if self._cluster is not None:
+        if self._cluster is None:
+            self._stack.enter_context(self._joblib.parallel_config(backend="loky", idle_worker_timeout=_IDLE))
+        else:
             try:
                 from distributed import Client
             except ImportError:

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -95,21 +96,23 @@ def test_a_second_run_takes_what_is_there_and_does_what_has_changed(robots: Path
 
 
 def test_nothing_is_lost_in_a_kill(robots: Path, tmp_path: Path) -> None:
-    sets = [str(robots / f"axis_{i}") for i in (0, 1, 3)]
+    for i in range(10):  # enough for the kill to come in between
+        shutil.copytree(robots / "axis_0", tmp_path / "sets" / f"axis_{i}")
+    sets = str(tmp_path / "sets")
     SIMPLE.save(tmp_path / "simple.toml")
     out = tmp_path / "out"
-    argv = [sys.executable, "-m", "gms_mujoco", "fleet", *sets, "-o", str(out), "--jobs", "1"]
+    argv = [sys.executable, "-m", "gms_mujoco", "fleet", sets, "-o", str(out), "--jobs", "1"]
     process = subprocess.Popen([*argv, "--model", str(tmp_path / "simple.toml")], stderr=subprocess.DEVNULL)
     while not list(out.rglob("result.json")) and process.poll() is None:
         time.sleep(0.002)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     before = {p: p.stat().st_mtime_ns for p in out.rglob("result.json")}
-    assert 1 <= len(before) < 3, "killed in the middle"
+    assert 1 <= len(before) < 10, "killed in the middle"
     assert all(json.loads(p.read_text())["status"] == "done" for p in before)
     seen: list[float] = []
     done = fleet.fit_all(sets, out, SIMPLE, jobs=1, progress=lambda x, m: seen.append(x))
-    assert seen[0] == pytest.approx(len(before) / 3) and seen[-1] == 1.0
+    assert seen[0] == pytest.approx(len(before) / 10) and seen[-1] == 1.0
     assert {p: p.stat().st_mtime_ns for p in before} == before, "what was done is not done again"
     whole = fleet.fit_all(sets, tmp_path / "whole", SIMPLE, jobs=1)
     assert numbers(done.rows) == numbers(whole.rows)
@@ -128,6 +131,13 @@ def test_diagnoses_have_their_files(robots: Path, tmp_path: Path) -> None:
     assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == row["verdict"]
     assert "torque_offset" in done.plant(row["name"]) and "torque_offset" not in Plant.load(folder / "baseline.toml")
     assert row["verdict"] in str(done)
+
+
+def test_a_long_table_shows_some_and_every_failure() -> None:
+    row = {"name": "a", "status": "done", "effects": [], "fit_error": 0.1, "validate_error": None, "noise_floor": 0.1}
+    text = str(fleet.Fleet(Path(), tuple([row] * 100 + [{"name": "b", "status": "failed", "error": "no such file"}])))
+    assert len(text.splitlines()) == 44 and "b  " in text and "failed: no such file" in text
+    assert "... and 60 more that are done" in text and text.endswith("100 done, 1 failed")
 
 
 def test_bootstrap_agrees_with_the_intervals_of_the_fit(tmp_path: Path) -> None:
