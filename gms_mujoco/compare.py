@@ -24,6 +24,7 @@ from .plant import Plant
 from .record import Record
 from .residual_maps import Regime, ResidualMap
 from .residuals import Residuals
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -196,7 +197,7 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
     assert plant.inertia is not None
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
     records = [o for o in observations if isinstance(o, Observation)]
-    memories = [_memory(plant, o) for o in records]
+    memories = each(lambda o: _memory(plant, o), records)
     if noise is None:  # as a fit of this plant would estimate it
         left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(records, memories, strict=True)]
         noise = noise_of(records, left, plant.inertia)
@@ -223,7 +224,8 @@ def quick_torque_error(plant: Plant, observations: Sequence[Seen], near: Compari
     extra = plant.joint().n_memory - near.plant.joint().n_memory
     memories = [np.append([] if r.memory is None else r.memory, np.zeros(max(extra, 0))) for r in near.records]
     memories += [np.empty(0)] * len(near.frfs)
-    needed = [o.needed(plant, m if len(m) else None) for o, m in zip(observations, memories, strict=True)]
+    pairs = zip(observations, memories, strict=True)
+    needed = each(lambda pair: pair[0].needed(plant, pair[1] if len(pair[1]) else None), pairs)
     return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
 
 

@@ -306,6 +306,8 @@ class Observation:
             grid: the instants to look at; None: those that this plant needs.
         """
         joint = plant.joint()
+        if not joint.n_effects:
+            return np.zeros(len(self.index)) - self.rigid
         if grid is None:
             return self.band(self.seen_by(plant)._mean(joint, memory)[0]) - self.rigid
         return self.band(grid.mean(self._path(plant, grid).torque(joint, memory))) - self.rigid

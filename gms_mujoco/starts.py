@@ -17,6 +17,7 @@ from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .plant import Plant
 from .scales import Scales
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -160,9 +161,11 @@ def _maxwell_slip(
     # What modulates friction modulates each spring too.
     bare = Plant(1.0, tuple(e for e in plant.effects if e.modulates))
     offset = [o.replay(bare) for o in observations]
-    columns = [
-        np.concatenate([b - o.replay(bare + e) for o, b in zip(observations, offset, strict=True)]) for e in units
-    ]
+
+    def column(e: Effect) -> Array:
+        return np.concatenate([b - o.replay(bare + e) for o, b in zip(observations, offset, strict=True)])
+
+    columns = each(column, units)
     applied = np.concatenate([o.applied(plant) for o in observations])
     inertial = np.concatenate([o.acceleration for o in observations])
     known = np.concatenate([o.replay(plant) for o in observations])
