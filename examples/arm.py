@@ -55,18 +55,12 @@ def _payload(spec: mujoco.MjSpec) -> None:
 
 
 def _stiffen(spec: mujoco.MjSpec) -> None:
-    spec.joint("upper_arm_roll").stiffness = 4.0
-
-
-def _grow_with_load(data: mujoco.MjData, k: int) -> float:
-    """Friction greater by 1 % for each N m that the joint transmits: all of its torque, friction included."""
-    transmitted = data.qfrc_actuator[k] + data.qfrc_passive[k] + data.qfrc_applied[k]
-    return float(0.01 * abs(transmitted) * (data.qfrc_passive[k] - data.qfrc_damper[k]))
+    spec.joint("upper_arm_roll").stiffness[0] = 4.0
 
 
 HIDDEN = {
     "shoulder_pan": Hidden("cogging", torque=lambda data, k: 0.8 * np.sin(24 * data.qpos[k] + 0.5)),
-    "shoulder_lift": Hidden("load_dependent_friction", torque=_grow_with_load),
+    "shoulder_lift": Hidden("load_dependent_friction", (effects.find("load_dependent_friction")(coefficient=0.01),)),
     "upper_arm_roll": Hidden("spring", edit=_stiffen),
     "elbow": Hidden("asymmetric_friction", (effects.find("asymmetric_friction")(level=0.15),)),
     "forearm_roll": Hidden("torque_offset", torque=lambda data, k: 0.25),

@@ -137,7 +137,7 @@ def simulate(plant: Plant, run: ServoRun) -> Array:
 
     Args:
         plant: with position_loop; its inertia is that of the servo without payload. A delay acts on the goal and on
-            the power, least_duty in the loop; the load of load-dependent effects is the torque of the motor.
+            the power, least_duty in the loop; the load of load-dependent effects is what the gear transmits.
         run: goal, power, payload, and where the motion begins.
 
     Raises:
@@ -158,8 +158,8 @@ def _simulate(plant: Plant, joint: native.Joint, run: ServoRun) -> Array:
             raise ModelError(f"{e.name} does not act on a servo that closes its own position loop")
     loop = plant["position_loop"].replace(gain=run.gain)
     motion = joint.simulate_servo(
-        plant.driven_inertia + run.inertia, run.weight, np.append(loop.packed, least), late, STEP, run.time, run.goal,
-        run.powered, float(run.position[0]), run.velocity,
+        plant.driven_inertia + run.inertia, plant.driven_inertia, run.weight, np.append(loop.packed, least), late, STEP,
+        run.time, run.goal, run.powered, float(run.position[0]), run.velocity,
     )  # fmt: skip
     steps = run.time[0] + STEP * np.arange(len(motion.position))
     return np.interp(run.time, steps, np.nan_to_num(motion.position, nan=_AWAY))

@@ -10,7 +10,9 @@ largest M_ii in the joint ranges: J is what a fit identifies, and J less the mod
 often the rotor behind its gear). Accelerations come from second differences of the measured positions, which are the
 triangular means that the inverse dynamics of an axis is exact for; whatever multiplies them varies slowly.
 
-The torque that the joint transmits, |L| of the load-dependent friction, is the whole right-hand side.
+The torque that its gear transmits to the link, |L| of the load-dependent friction, is the right-hand side without
+what the rotor takes, M_ii q''_i less armature times q''_i in the place of M_ii q''_i: the same in the plug-in, which
+has it from the other side, as the torque of the drive and of friction less what the rotor takes.
 """
 
 from __future__ import annotations
@@ -189,5 +191,7 @@ class Robot:
             "inertia_change": rigid.inertia[self.joint] - self.inertia,
         }
         if "load" not in signals:  # friction takes its absolute value: here noise would add up
-            signals["load"] = rigid.bias + rigid.accelerating({k: second_difference(q, h) for k, q in position.items()})
+            acceleration = {k: second_difference(q, h) for k, q in position.items()}
+            rotor = float(self.model.dof_armature[self._dof(self.joint)]) * acceleration[self.joint]
+            signals["load"] = rigid.bias + rigid.accelerating(acceleration) - rotor
         return replace(record, signals=signals)

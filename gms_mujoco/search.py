@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compare import Comparison, compare_observations
-from .effect import Effect
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
@@ -115,7 +114,7 @@ class Search:
                 result = min(result, self._afresh(result.plant, name), key=_error)
             trials.append((name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
-        p_values |= {name: max(p_value(self.held_out, h), self._beyond_speed(r.plant[name])) for name, r, h in trials}
+        p_values |= {name: max(p_value(self.held_out, h), self._beyond_speed(name, r)) for name, r, h in trials}
         plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return self._accept(trials, p_values)
@@ -150,24 +149,22 @@ class Search:
         floor = min(_floor(self.steps[-1].result), _floor(result))
         return bool(before - held_out.total > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
 
-    def _beyond_speed(self, effect: Effect) -> float:
-        """p value of an effect that changes friction, beside friction that is any function of speed; 0 for others.
+    def _beyond_speed(self, name: str, result: FitResult) -> float:
+        """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
 
         What a sensor reads wrong is the speed of friction too.
         """
-        current = self.steps[-1].result
+        effect = result.plant[name]
         if not (effect.modulates or effect.kind == "sensor") or not self._timed:
             return 0.0
-        plant = current.plant.replace(effect) if effect.name in current.plant else current.plant + effect
-        change = current.misfit.change(current.vector, plant, effect.name)
-        return p_value(self._with_curve(), self._with_curve(change))
+        return p_value(_with_curve(self.steps[-1].result), _with_curve(result))
 
     @property
     def bent(self) -> float:
         """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
         if not self._timed:
             return 0.0
-        left = self._with_curve()
+        left = _with_curve(self.steps[-1].result)
         earned = self._is_worth_it(self.steps[-1].result, left)
         earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
         return 1 - left.total / self.held_out.total if earned else 0.0
@@ -176,16 +173,6 @@ class Search:
     def _timed(self) -> bool:
         """Whether anything was measured in time, and so at some speed."""
         return any(isinstance(o, Observation) for o in self.seen)
-
-    def _with_curve(self, change: Array | None = None) -> HeldOut:
-        """Left by a linear refit with friction as any function of speed, and with a change (m,) of the residual."""
-        current = self.steps[-1].result
-        misfit = current.misfit
-        model = LinearModel(misfit, current.vector, misfit.residual(current.vector))
-        columns = curve(current.plant, misfit.observations)
-        columns = columns if change is None else np.column_stack([columns, change])
-        rows = model.held_out(columns * model.determined[:, None]) / np.sqrt(misfit.delivered(current.vector))
-        return HeldOut(rows, misfit.observations)
 
     def _settle_for(self, trials: Sequence[tuple[str, FitResult, HeldOut]]) -> None:
         """Lets the current plant keep what a trial found for it.
@@ -243,6 +230,14 @@ class Search:
             if p_value(held_out, last.held_out) > FALSE_DISCOVERY_RATE:
                 final = replace(last, result=without, held_out=held_out)
                 self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], final]
+
+
+def _with_curve(result: FitResult) -> HeldOut:
+    """What a linear refit leaves whose friction is any function of speed, see `speed_curve`."""
+    misfit, x = result.misfit, result.vector
+    model = LinearModel(misfit, x, misfit.residual(x))
+    columns = curve(result.plant, misfit.observations) * model.determined[:, None]
+    return HeldOut(model.held_out(columns) / np.sqrt(misfit.delivered(x)), misfit.observations)
 
 
 def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:

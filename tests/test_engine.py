@@ -224,17 +224,35 @@ def test_holds_against_an_external_wrench():
 
 
 @INTEGRATIONS
-def test_load_dependent_friction_follows_the_torque_of_the_actuators(integration):
-    plant = Plant.axis() + effects.Coulomb(coulomb=1e-3) + effects.LoadDependentFriction(coefficient=100.0)
-    model, data = axis(plant, integration)
-    data.qvel[0] = 50.0
-    for k in range(300):
-        data.ctrl[0] = 3e-3 * np.sin(0.1 * k)
-        mujoco.mj_step(model, data)
-        if k > 1:
-            level = 1e-3 * (1 + 100 * abs(data.ctrl[0]))
-            late = 1e-3 * (1 + 100 * abs(3e-3 * np.sin(0.1 * (k - 1))))  # a static law keeps the last level
-            assert -data.qfrc_passive[0] == pytest.approx(level if integration == "implicit" else late)
+@pytest.mark.parametrize("rotor", [0.0, 0.4])
+def test_load_dependent_friction_follows_the_transmitted_torque(integration, rotor):
+    """What the drive gives, less what friction and the rotor take: less when it drives, more when it brakes."""
+    f0, c = 1e-3, 100.0
+    plant = Plant.axis() + effects.Coulomb(coulomb=f0) + effects.LoadDependentFriction(coefficient=c)
+    spec = engine.attach(AXIS, {"shaft": plant}, integration)
+    spec.joint("shaft").armature = rotor / (1 - rotor) * J
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for drive in (3e-3, -3e-3, 1e-3):
+        data.qvel[0] = 50.0
+        data.ctrl[0] = drive
+        mujoco.mj_step(model, data, 30)
+        assert data.qvel[0] > 10
+        # Friction f and the drive u share their torque out: the link gets L = (1 - rotor) (u - f), f = f0 (1 + c |L|).
+        driven = 1 if drive > f0 else -1
+        share = driven * (1 - rotor) * f0 * c
+        assert -data.qfrc_passive[0] == pytest.approx((f0 + share * drive) / (1 + share), rel=1e-6)
+
+
+def test_repeated_evaluations_of_load_dependent_friction_agree():
+    plant = Plant.axis() + gms() + effects.LoadDependentFriction(coefficient=100.0)
+    model, data = axis(plant)
+    run(model, data, stick_slip(500))
+    mujoco.mj_forward(model, data)
+    once = data.qfrc_passive.copy()
+    mujoco.mj_forward(model, data)
+    mujoco.mj_inverse(model, data)
+    assert np.array_equal(data.qfrc_passive, once)
 
 
 def test_setting_the_position_after_a_reset_is_no_motion():

@@ -73,8 +73,42 @@ def test_a_record_carries_all_of_the_torque_of_mj_inverse() -> None:
     total = inertia * second_difference(found.position, 1e-3) + found.signals["rigid_torque"]
     inside = slice(100, -100)
     assert np.abs(total - full)[inside].max() < 2e-4 * np.ptp(full)
-    assert np.abs(found.signals["load"] - full)[inside].max() < 2e-3 * np.ptp(full)
+    rotor = model.dof_armature[model.joint("elbow").id] * -(0.4 * w**2 * np.sin(w * t + phase))[names.index("elbow")]
+    assert np.abs(found.signals["load"] - (full - rotor))[inside].max() < 2e-3 * np.ptp(full)
     assert (inertia < 1.001 * robot.inertia).all() and "elbow" in note
+
+
+def test_load_means_the_same_in_a_record_and_in_mujoco(tmp_path: Path) -> None:
+    """The log of an arm whose elbow has friction that grows with its load: its replay gives the plug-in's torque."""
+    h, n, rotor = 1e-3, 3000, 2.0  # the rotor takes about a third of the torque
+    spec = mujoco.MjSpec.from_file(str(gms.MODELS / "arm.xml"))
+    spec.joint("elbow").armature = rotor
+    (tmp_path / "arm.xml").write_text(spec.to_xml())
+    grows = gms.effects.find("load_dependent_friction")(coefficient=0.05)
+    (arm.friction("elbow") + grows).attach(spec, "elbow")
+    spec.option.timestep = h
+    model = spec.compile()
+    data, names = mujoco.MjData(model), [j.name for j in spec.joints]
+    k, inertia = names.index("elbow"), np.maximum(model.dof_armature, 0.1)
+    data.qpos = start = np.array([0, 0.5, 0, 0.8, 0, 0.5, 0])
+    target, speed = arm.references(np.random.default_rng(0), len(names), list(range(len(names))), n * h)
+    q, torque, friction = np.empty((n, len(names))), np.empty(n), np.empty(n)
+    for i in range(n):
+        q[i] = data.qpos
+        data.ctrl = data.qfrc_bias + inertia * (3600 * (start + target[i] - q[i]) + 120 * (speed[i] - data.qvel))
+        mujoco.mj_step(model, data)
+        torque[i], friction[i] = data.ctrl[k], gms.friction(model, data, "elbow").torque
+    record = Record("elbow", np.arange(n) * h, {"torque": torque, "position": q[:, k]})
+    others = {name: q[:, j] for j, name in enumerate(names) if j != k}
+    (found,), _ = Robot(tmp_path / "arm.xml", "elbow").on([record], [others])
+    motion = found.time, found.position, np.gradient(found.position, h), found.get("load")
+    inside = slice(300, -300)
+
+    def off(plant: gms.Plant) -> float:
+        return float(np.std((plant.joint().replay(*motion).torque - friction)[inside]) / np.std(friction[inside]))
+
+    assert off(arm.friction("elbow") + grows) < 5e-3
+    assert off(arm.friction("elbow")) > 0.2
 
 
 def test_a_joint_that_is_not_measured_stands_in_the_pose_given(pendulum: Path) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gms_mujoco import effects
+from gms_mujoco.fit import fit_observations
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -30,9 +31,12 @@ def test_load_dependence_is_told_where_the_load_differs_at_the_same_speed(load: 
     plant = Plant.axis(None) + effects.Coulomb(coulomb=FC) + effects.Viscous(coefficient=DRAG)
     search = Search(observe([_record(load)], None), [], plant)
     search.first(lambda done, message: None)
-    p = search._beyond_speed(effects.LoadDependentFriction(coefficient=C))
+    name = "load_dependent_friction"
+    first = search.steps[-1].result
+    result = fit_observations(first.plant + effects.LoadDependentFriction(coefficient=0.1), search.seen)
+    assert result.plant[name].coefficient == pytest.approx(C, rel=0.1) and result.error < 0.5 * first.error
+    p = search._beyond_speed(name, result)
     assert p < 1e-4 if told else p > 0.05
-    assert search._beyond_speed(effects.find("cogging")(harmonics=[2], amplitude=[0.1], phase=[0.0])) == 0.0
 
 
 def test_the_curve_holds_every_level_over_speed() -> None:

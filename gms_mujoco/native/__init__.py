@@ -88,7 +88,7 @@ def _load() -> ctypes.CDLL:
         (
             "gms_servo_simulate",
             integer,
-            (pointer, integer, real, real, real, pointer, real, integer) + (pointer,) * 5,
+            (pointer, integer, real, real, real, real, pointer, real, integer) + (pointer,) * 5,
         ),
         ("gms_series_mean", None, (integer, pointer, integer, pointer, pointer)),
         ("gms_series_band", None, (integer, pointer, integer, integer, integer, pointer, pointer)),
@@ -455,6 +455,7 @@ class Joint:
     def simulate_servo(
         self,
         inertia: float,
+        rotor: float,
         weight: float,
         loop: Array,
         delay: float,
@@ -467,10 +468,11 @@ class Joint:
     ) -> Motion:
         """Motion of a servo that closes its own position loop, with a pendulum on its shaft.
 
-        The friction is that of this joint and has the torque of the motor as its load.
+        The friction is that of this joint; its load is the torque that the gear transmits.
 
         Args:
             inertia: of all that moves [kg m^2].
+            rotor: the part of it before the gear [kg m^2].
             weight: A of the torque -A sin(q) of the payload [N m].
             loop: parameters of the effect position_loop in the order of its table, then the least duty.
             delay: after which goal and power act [s].
@@ -497,7 +499,7 @@ class Joint:
         q, v = np.full(n, np.nan), np.full(n, np.nan)
         q[:1], v[:1] = position, velocity
         library.gms_servo_simulate(
-            self._handle, n, step, inertia, weight, _address(numbers), delay, len(inputs[0]),
+            self._handle, n, step, inertia, rotor, weight, _address(numbers), delay, len(inputs[0]),
             *map(_address, (*inputs, q, v)),
         )  # fmt: skip
         return Motion(q, v, np.full(n, np.nan))

@@ -35,15 +35,14 @@ void choose_integration(const mjModel* m, Group* g, Unit* x) {
 void set_out(const Unit& x, mjData* d) {
   double *state = x.state(d), first[Joint::kMaxState];
   state[0] = state[1] = std::nan("");
-  x.joint->torque(x.now(d, nullptr), state, first);
+  x.joint->torque(x.now(d), state, first);
   std::copy(first, first + x.n_state, state);
 }
 
 // Torque of a late joint over a step with the acceleration that stands in qacc: what mj_inverse asks for. It calls
 // us with the passive forces and never again, as mj_forward does, which will put another torque in this place.
 double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, const double* state, double last) {
-  const Sample now = x.now(d, d->qfrc_actuator);
-  if (!x.implicit) return x.joint->torque(now, state, nullptr);
+  const Sample now = x.now(d);
   const double h = m->opt.timestep, v = now.velocity + h * d->qacc[x.dof];
   const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
   const double forward = x.joint->torque_ahead(now, state, h, still, 1);
@@ -59,7 +58,7 @@ double look(const mjModel* m, mjData* d, const Unit& x, double* state, double* b
   // Setting a position after a reset, or turning time back, is no motion.
   if (d->time < state[1]) book[kFresh] = 1;
   if (book[kFresh] != 0 && !(d->time > state[1])) set_out(x, d);
-  if (!x.late()) return x.joint->torque(x.now(d, nullptr), state, nullptr);
+  if (!x.late()) return x.joint->torque(x.now(d), state, nullptr);
   if (d->time > state[1]) return book[kTorque];  // a stage of RK4 keeps the torque of the first
   return torque_of_acceleration(m, d, x, state, book[kTorque]);
 }
@@ -123,10 +122,6 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
     for (Unit& x : instance->units) {
       if (!x.late() || x.asleep(d)) continue;
       double *state = x.state(d), *book = state + x.n_state;
-      if (!x.implicit) {
-        apply(&x, d, x.joint->torque(x.now(d, actuator), state, nullptr));
-        continue;
-      }
       if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
       if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote
         x.base += d->qfrc_passive[x.dof] - x.sum;
@@ -138,7 +133,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
       u.dof = x.dof;
       u.weight = x.weight;
       u.steepest = x.slope;
-      u.now = x.now(d, actuator);
+      u.now = x.now(d);
       u.state = state;
       u.torque = book[kAhead];
       u.slope = book[kSlope];
@@ -207,7 +202,8 @@ void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bia
   evaluate_late(m, d, g, bias, g->actuator.data());
 }
 
-void advance(mjData* d, const Instance& instance) {
+void advance(const mjModel* m, mjData* d, const Instance& instance) {
+  const double* drive = m->nactuator > 0 ? d->qfrc_actuator : d->qfrc_applied;
   double next[Joint::kMaxState];
   for (const Unit& x : instance.units) {
     double *state = x.state(d), *book = state + x.n_state;
@@ -215,7 +211,10 @@ void advance(mjData* d, const Instance& instance) {
       if (!std::isnan(state[1])) state[1] = d->time;
       continue;
     }
-    book[kAhead] = x.joint->torque(x.now(d, d->qfrc_actuator), state, next);
+    if (x.reads_load) {  // what the drive gives, less what friction and the rotor take
+      book[kLoad] = drive[x.dof] + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
+    }
+    book[kAhead] = x.joint->torque(x.now(d), state, next);
     book[kAheadVelocity] = d->qvel[x.dof];
     book[kPastAcceleration] = d->qacc[x.dof];
     book[kFresh] = 0;

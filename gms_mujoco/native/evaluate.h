@@ -1,8 +1,9 @@
 // The friction of the instances of one mjData within MuJoCo's step.
 //
-// Explicit joints take their torque with the passive forces, at the position of the step. Late joints wait for the
-// torque of the actuators: those whose friction depends on it, and implicit ones, which solve all together for the
-// velocities at the end of the step (see Joint::slope).
+// Explicit joints take their torque with the passive forces, at the position of the step. Late joints, the implicit
+// ones, wait for the torque of the actuators and solve all together for the velocities at the end of the step (see
+// Joint::slope). The load that friction depends on is what the gear transmitted in the step before: that of this step
+// follows from the friction of this step.
 #ifndef GMS_MUJOCO_NATIVE_EVALUATE_H_
 #define GMS_MUJOCO_NATIVE_EVALUATE_H_
 
@@ -18,7 +19,7 @@ void compute_late(const mjModel* m, mjData* d, Group* g);
 void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias);
 
 // The motion over the step has happened: the state moves on to where the joints are now.
-void advance(mjData* d, const Instance& instance);
+void advance(const mjModel* m, mjData* d, const Instance& instance);
 
 }  // namespace gms
 

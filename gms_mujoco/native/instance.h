@@ -33,8 +33,8 @@ extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 // After the joint's own state, in plugin_state: the torque on the joint now; whether it has not moved since the reset;
 // where the next evaluation starts from: the torque that the last advance found, the velocity it found it at, the
 // acceleration that had led there, and the slope of the law in the last implicit step (below 0: not known); the slope in
-// this step.
-enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kBookkeeping };
+// this step; the load: what the gear transmitted to the link in the last step.
+enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kLoad, kBookkeeping };
 
 struct Unit {  // one joint
   const Joint* joint = nullptr;
@@ -47,9 +47,9 @@ struct Unit {  // one joint
 
   double* state(mjData* d) const { return d->plugin_state + state_start; }
   double* book(mjData* d) const { return state(d) + n_state; }
-  bool late() const { return implicit || reads_load; }
-  Sample now(const mjData* d, const double* load) const {
-    return {d->time, d->qpos[qpos], d->qvel[dof], reads_load && load ? load[dof] : 0, 0};
+  bool late() const { return implicit; }
+  Sample now(const mjData* d) const {
+    return {d->time, d->qpos[qpos], d->qvel[dof], d->plugin_state[state_start + n_state + kLoad], 0};
   }
   bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
 };

@@ -183,7 +183,7 @@ void compute(const mjModel* m, mjData* d, int id, int capability) {
   }
 }
 
-void advance(const mjModel*, mjData* d, int id) { gms::advance(d, handle(d, id)->instance); }
+void advance(const mjModel* m, mjData* d, int id) { gms::advance(m, d, handle(d, id)->instance); }
 
 }  // namespace
 

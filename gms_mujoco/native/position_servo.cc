@@ -49,11 +49,12 @@ class InnerGoal {
 
 // Motion of a servo from its goal: position[k] and velocity[k] at k = 0 .. steps - 1 times h after time[0], the first of
 // each being where it begins. goal[i] and powered[i] (above 0.5: the bridge is on) hold from time[i], of n samples, and
-// act `delay` later. The joint carries a payload with a torque of -weight sin(q). `inertia` is that of all that moves.
+// act `delay` later. The joint carries a payload with a torque of -weight sin(q). `inertia` is that of all that moves,
+// `rotor` the part of it before the gear.
 // Returns the number of steps done, fewer where the motion ran away.
-GMS_API int gms_servo_simulate(const gms::Joint* joint, int steps, double h, double inertia, double weight,
-                               const double* loop, double delay, int n, const double* time, const double* goal,
-                               const double* powered, double* position, double* velocity) {
+GMS_API int gms_servo_simulate(const gms::Joint* joint, int steps, double h, double inertia, double rotor,
+                               double weight, const double* loop, double delay, int n, const double* time,
+                               const double* goal, const double* powered, double* position, double* velocity) {
   Loop p;
   std::memcpy(&p, loop, sizeof p);
   gms::SingleAxis axis(*joint, inertia, h, -1, nullptr, nullptr);
@@ -73,9 +74,10 @@ GMS_API int gms_servo_simulate(const gms::Joint* joint, int steps, double h, dou
       const double duty = p.gain * p.duty_per_rad * error + p.least_duty * push;
       motor = p.stall_torque * std::min(std::max(duty, -p.duty_limit), p.duty_limit) - p.electrical_drag * now.velocity;
     }
-    now.load = motor;  // what the gear transmits
     const double applied = motor - weight * std::sin(now.position);
-    axis.step(&now, applied + axis.torque(now, applied));
+    const double friction = axis.torque(now, applied), before = now.velocity;
+    axis.step(&now, applied + friction);
+    now.load = motor + friction - rotor * (now.velocity - before) / h;  // what the gear transmits, as in the plug-in
   }
   return steps;
 }
