@@ -18,7 +18,7 @@ from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
-from .noise import Noise, inertia_along, noise_of, sampling_residual, sensor_residual
+from .noise import Noise, believable, inertia_along, noise_of, sampling_residual, sensor_residual
 from .observe import observe
 from .plant import Plant
 from .record import Record
@@ -244,7 +244,7 @@ def _compare_one(
     measured = _applied(plant, o)
     needed = o.needed(plant, memory)
     sampling = sampling_residual(o, plant, memory)
-    floor = sensor_residual(o, plant, memory, noise, rng) + sampling
+    floor = believable(sensor_residual(o, plant, memory, noise, rng) + sampling, measured - needed)
     return RecordComparison(
         o.record.name,
         o.record.use,

@@ -251,14 +251,14 @@ def _with_shapes(
 
 
 def _holds(comparisons: Sequence[Comparison]) -> bool:
-    """Whether the last plant is as good on new records as those before it, or at the lowest of their floors.
+    """Whether the last plant is as good on new records as those before it, or at the noise floor.
 
     What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to.
     """
     if len(comparisons) < 2:
         return True
     best = min(c.torque_error for c in comparisons[:-1])
-    return comparisons[-1].torque_error <= max(best, AT_FLOOR * min(c.noise_floor for c in comparisons))
+    return comparisons[-1].torque_error <= max(best, AT_FLOOR * comparisons[-1].noise_floor)
 
 
 def _other_law(last: FitResult) -> str:

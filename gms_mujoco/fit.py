@@ -15,7 +15,7 @@ from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .least_squares import nudge, solve
 from .misfit import Misfit
-from .noise import Noise, floor_residual, noise_of
+from .noise import Noise, believable, floor_residual, noise_of
 from .observe import observe
 from .plant import Plant
 from .record import Record
@@ -192,7 +192,10 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     assert plant.inertia is not None
     noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
     rng = np.random.default_rng(0)
-    floor_rows = [floor_residual(o, plant, misfit.memory(x, i), noise, rng) for i, o in enumerate(observations)]
+    floor_rows = [
+        believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
+        for i, (o, left) in enumerate(zip(observations, np.split(residual, misfit.splits), strict=True))
+    ]
     floor = relative_error(floor_rows, applied)
     scatter = covariance(misfit, x)[:n, :n]
     intervals = misfit.coordinates.intervals(x[:n], scatter)

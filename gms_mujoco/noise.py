@@ -24,6 +24,9 @@ _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
 _FINER = 20.0  # than the instants that a replay takes
 _NEGLIGIBLE = 0.01  # of the torque
+_QUIET = 0.25  # of the noise: enough less to tell what grows with it
+_STRETCH = 64  # samples
+_LONG, _SCATTER = 256, 1.5  # samples, over which the squares of two draws of noise differ by less than this factor
 _PARTS = 8  # of a sample, in which a possible motion is followed
 
 
@@ -200,7 +203,8 @@ def sensor_residual(
     """(m,) residual that the noise of the sensors alone leaves on a record, one draw [N m].
 
     A motion that the plant can make under the measured torque, see `possible_motion`, is taken as true. It is read
-    again through a noisy, quantising encoder and passed through the same inverse dynamics.
+    again through a noisy, quantising encoder and passed through the same inverse dynamics. What stays the same when
+    the noise is a fourth of that is no noise but a plant that turns over at the least cause, and is left out.
     """
     r = observation.record
     true = possible_motion(observation, plant, memory, noise)
@@ -212,9 +216,31 @@ def sensor_residual(
         # the motion still holds some of it: the counts are put elsewhere.
         shift = noise.resolution * (0.25 + 0.5 * rng.random())
         read = np.round((read + shift) / noise.resolution) * noise.resolution - shift
-    noisy = observation.again(read).needed(plant, memory)
-    torque = held_mean(noise.torque * rng.standard_normal(len(r)))
-    return observation.band(torque) - (noisy - seen)
+    torque = observation.band(held_mean(noise.torque * rng.standard_normal(len(r))))
+    loud, quiet = (
+        part * torque - (observation.again(true + part * (read - true)).needed(plant, memory) - seen)
+        for part in (1.0, _QUIET)
+    )
+    return loud * _growth(loud, quiet)
+
+
+def believable(floor: Array, residual: Array) -> Array:
+    """(m,) floor, scaled down over long stretches where it is louder than what is left: noise and errors together.
+
+    A plant that stands at a threshold may turn over for seconds by another draw of the noise, and did not by that of
+    the record.
+    """
+    stretch = np.arange(len(floor)) // _LONG
+    square, most = (np.bincount(stretch, x**2) for x in (floor, residual))
+    return floor * np.sqrt(np.minimum(_SCATTER * most / np.maximum(square, 1e-300), 1.0))[stretch]
+
+
+def _growth(loud: Array, quiet: Array) -> Array:
+    """(m,) share of what noise leaves that grows with the noise, root of that of the squares, over short stretches."""
+    stretch = np.arange(len(loud)) // _STRETCH
+    loud_square, quiet_square = (np.bincount(stretch, x**2) for x in (loud, quiet))
+    constant = quiet_square / np.maximum(loud_square, 1e-300)
+    return np.asarray(np.sqrt(np.clip((1 - constant) / (1 - _QUIET**2), 0, 1)))[stretch]
 
 
 def possible_motion(observation: Observation, plant: Plant, memory: Array | None, noise: Noise) -> Array:

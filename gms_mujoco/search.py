@@ -79,11 +79,8 @@ class Search:
 
     @property
     def at_floor(self) -> bool:
-        """Whether what the current plant leaves on held-out blocks is as good as noise.
-
-        Of noise as any plant on the way saw it: one that makes the sensors' noise louder is not excused by that.
-        """
-        return bool(self.held_out.total <= AT_FLOOR**2 * min(_floor(s.result) for s in self.steps))
+        """Whether what the current plant leaves on held-out blocks is as good as noise."""
+        return bool(self.held_out.total <= AT_FLOOR**2 * _floor(self.steps[-1].result))
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)

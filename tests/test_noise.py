@@ -11,6 +11,8 @@ from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
     Noise,
+    _growth,
+    believable,
     choose_bandwidth,
     count_size,
     estimate_noise,
@@ -192,3 +194,22 @@ def test_without_noise_the_floor_is_what_the_replay_may_be_off() -> None:
 def test_the_bench_of_these_tests_is_a_measurement_set() -> None:
     sets = dataset(HEALTHY, select=True)
     assert [len(x) for x in (sets.fit, sets.select, sets.validate)] == [3, 3, 3]
+
+
+def test_what_grows_with_the_noise_is_the_floor_and_what_does_not_is_left_out() -> None:
+    rng = np.random.default_rng(0)
+    loud, turned = rng.standard_normal(640), np.where(np.arange(640) < 320, 5.0, 0.0)
+    np.testing.assert_allclose(_growth(loud, loud / 4), 1.0)
+    both = _growth(loud + turned, loud / 4 + turned)
+    assert (both[:320] < 0.4).all()
+    np.testing.assert_allclose(both[320:], 1.0)
+    assert (_growth(turned, turned) == 0).all()
+
+
+def test_a_floor_is_never_louder_than_what_is_left() -> None:
+    rng = np.random.default_rng(0)
+    floor, left = rng.standard_normal((2, 2560))
+    np.testing.assert_array_equal(believable(floor, left), floor)
+    capped = believable(np.where(np.arange(2560) < 512, 30.0, floor), left)
+    assert 1.0 < rms(capped[:512]) < 1.5
+    np.testing.assert_array_equal(capped[512:], floor[512:])
