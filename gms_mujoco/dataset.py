@@ -83,9 +83,9 @@ def joints(path: str | Path) -> tuple[str, ...]:
     Raises:
         DataError: `dataset.toml` cannot be read, or its axis.joint is no name.
     """
-    file = _file(path)
+    file = find(path)
     try:
-        return joint_names(subtable(_toml(file), "axis"))
+        return joint_names(subtable(read_toml(file), "axis"))
     except DataError as error:
         raise DataError(f"{file}: {error}") from None
 
@@ -103,13 +103,16 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
     Raises:
         DataError: anything that cannot be read or understood; one line that names file, line or key.
     """
-    file = _file(path)
-    table = _toml(file)
+    file = find(path)
+    table = read_toml(file)
     try:
         expect_known(table, ("axis", "record", "frf"), "")
+        if "controller" in subtable(table, "axis"):
+            raise DataError("axis.controller says that a servo closes its own loop: its logs have no torque; read the "
+                            "set with gms_mujoco.position_servo.load")
         axis = Axis(subtable(table, "axis"), file.parent, joint)
-        entries = [e for i, e in enumerate(_list(table, "record"), 1) if axis.has(e, f"record {i}")]
-        frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(_list(table, "frf"), 1))
+        entries = [e for i, e in enumerate(tables(table, "record"), 1) if axis.has(e, f"record {i}")]
+        frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(tables(table, "frf"), 1))
         if not entries and not frfs:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
@@ -132,7 +135,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
         if frfs:
-            given = any(e.get("use") for e in _list(table, "frf"))
+            given = any(e.get("use") for e in tables(table, "frf"))
             frfs, said = (frfs, "as given") if given else _split_frfs(frfs)
             counts = ", ".join(f"{n} to {use}" for use in USES if (n := sum(f.use == use for f in frfs)))
             split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}, {counts} ({said})")))
@@ -316,12 +319,14 @@ def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:
     return found
 
 
-def _file(path: str | Path) -> Path:
+def find(path: str | Path) -> Path:
+    """The `dataset.toml` of a measurement set that is given by its folder or by that file."""
     path = Path(path)
     return path / FILE if path.is_dir() else path
 
 
-def _toml(file: Path) -> dict[str, Any]:
+def read_toml(file: Path) -> dict[str, Any]:
+    """What stands in it; DataError where there is none or it is no TOML."""
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -333,7 +338,8 @@ def _toml(file: Path) -> dict[str, Any]:
         raise DataError(f"{file}: cannot be read ({error})") from None
 
 
-def _list(table: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+def tables(table: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    """The tables [[key]]; DataError where it is something else."""
     value = table.get(key, [])
     if not isinstance(value, list) or not all(isinstance(v, Mapping) for v in value):
         raise DataError(f"{key} must be written as [[{key}]]; {value!r} given")

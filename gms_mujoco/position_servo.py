@@ -4,27 +4,24 @@ Such a servo logs where it was sent and where it was, and no torque. So nothing 
 motion: the whole motion is simulated from the goal, and compared with the measured position. A fit and a search for the
 missing effect are otherwise those of every axis, with the position error in the place of the torque error:
 
-    runs = [read_run(path) for path in paths]
-    steps = explain(servo(), runs)
-    print([s.effect for s in steps], error(steps[-1].plant, other_runs))
+    runs = load("logs/")                                # a folder with dataset.toml, see servo_run
+    steps = explain(servo(), runs.fit)
+    print([s.effect for s in steps], error(steps[-1].plant, runs.validate))
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
-from . import effects, formats, native
+from . import effects, native
 from .effect import Effect
-from .errors import DataError, ModelError, listing
+from .errors import DataError, ModelError
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
 from .intervals import covariance
@@ -34,92 +31,19 @@ from .plant import Plant
 from .progress import Progress
 from .screen import Screen, applicable, cross_validated, is_present
 from .search import discoveries, simplest
+from .servo_run import ServoRun as ServoRun
+from .servo_run import load as load
+from .servo_run import read_run as read_run
 from .version import __version__
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.81  # m/s^2
 STEP = 1e-3  # s, of the simulation
 TIED_TO_THE_PLACE = ("cogging", "gravity", "position_dependent_friction", "spring")
-_COLUMNS = ("timestamp", "position", "goal_position", "torque_enable")
-_HEADER = ("mass", "length", "kp")
-_WINDOW = 5  # samples, whose median a reading is compared with
-_GLITCH = 0.15  # rad from that median: no servo gets there and back within four samples
-_FIRST = 6  # samples that tell how fast a run begins
 _AWAY = 1e3  # rad, where a motion is said to be that ran away
 _LARGE = 0.03  # rad, from which an error counts by its size and no longer by its square
 _LEAST_GAIN = 0.05  # of the squared error on held-out runs: less is not worth an effect
 _CONTENDERS = 8  # candidates that are fitted jointly, roughly
-
-
-@dataclass(frozen=True)
-class ServoRun:
-    """One run of a servo with a pendulum on its shaft; position 0 hangs down.
-
-    Attributes:
-        name: where it comes from.
-        time: (n,) [s], from 0, strictly increasing.
-        goal: (n,) position asked for, from each sample on [rad].
-        powered: (n,) 1 where the bridge was on, else 0.
-        position: (n,) measured [rad].
-        gain: of the position loop, as set in the servo.
-        inertia: of the payload about the shaft [kg m^2].
-        weight: torque of the payload when it stands out level [N m].
-        notes: what was done to the data, one sentence each.
-    """
-
-    name: str
-    time: Array
-    goal: Array
-    powered: Array
-    position: Array
-    gain: float
-    inertia: float
-    weight: float
-    notes: tuple[str, ...] = ()
-
-    @cached_property
-    def velocity(self) -> float:
-        """At the first sample [rad/s]."""
-        return float(np.polyfit(self.time[:_FIRST], self.position[:_FIRST], 1)[0])
-
-
-def read_run(path: str | Path) -> ServoRun:
-    """Reads a servo log in the layout of Rhoban's BAM: JSON with mass [kg], length [m], kp and entries.
-
-    An entry has timestamp [s], position and goal_position [rad], and torque_enable. A reading that is far off the
-    median of its neighbours is a glitch of the sensor and replaced by that, with a note.
-
-    Raises:
-        DataError: the file cannot be read, or something is missing, not a number, or too short.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
-    table = formats.read(path)
-    header = json.loads(path.read_text(encoding="utf-8"))  # formats.read has seen that it is JSON
-    values = {k: header.get(k) if isinstance(header, dict) else None for k in _HEADER}
-    for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
-            raise DataError(f"{path}: {key} must be a positive number beside the entries; {value!r} given")
-    for key in _COLUMNS:
-        if key not in table.columns:
-            why = table.unusable.get(key, f"the entries have {listing(table.columns)}")
-            raise DataError(f"{path}: no column {key!r}: {why}")
-    time, position, goal, powered = (np.asarray(table.columns[k], float) for k in _COLUMNS)
-    if len(time) < 2 * _FIRST or not all(np.isfinite(x).all() for x in (time, position, goal, powered)):
-        raise DataError(f"{path}: expected at least {2 * _FIRST} samples, all finite; {len(time)} given")
-    if np.any(np.diff(time) <= 0):
-        raise DataError(f"{path}: time does not run forward at sample {int(np.argmax(np.diff(time) <= 0)) + 1}")
-    usual = signal.medfilt(position, _WINDOW)
-    usual[[0, 1, -2, -1]] = position[[0, 1, -2, -1]]  # its ends are padded with zeros
-    wrong = np.abs(position - usual) > _GLITCH
-    notes = (f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken",)
-    mass, length, gain = (float(values[k]) for k in _HEADER)  # type: ignore[arg-type]
-    return ServoRun(
-        path.name, time - time[0], goal, (powered > 0.5).astype(float), np.where(wrong, usual, position), gain,
-        mass * length**2, GRAVITY * mass * length, notes if wrong.any() else (),
-    )  # fmt: skip
 
 
 def servo() -> Plant:

@@ -25,7 +25,7 @@ LAYERS = [
     {"dataset"},
     {"held_out"},
     {"screen", "elements", "remainder", "custom", "goals"},
-    {"search"},
+    {"search", "servo_run"},
     {"diagnose"},
     {"position_servo", "bootstrap"},
     {"page", "page_frf"},

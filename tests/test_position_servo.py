@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from gms_mujoco import effects, engine, position_servo
+from gms_mujoco import effects, engine, formats, position_servo
+from gms_mujoco.dataset import load
 from gms_mujoco.effects import Coulomb, Delay, LeastDuty, LoadDependentFriction, PositionLoop, Viscous
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.plant import Plant
@@ -137,8 +138,8 @@ def test_a_hidden_delay_is_named_first_and_parameters_come_back() -> None:
 @pytest.mark.parametrize(
     "change, said",
     [
-        ({"mass": None}, "mass must be a positive number"),
-        ({"kp": True}, "kp must be a positive number"),
+        ({"mass": None}, r"mass must be a positive number \[kg\]"),
+        ({"kp": True}, r"gain \(kp in the file\) must be a positive number"),
         ({"entries": []}, "no column"),
         ({"back": True}, "time does not run forward at sample 5"),
         ({"few": True}, "at least 12 samples"),
@@ -170,6 +171,53 @@ def test_a_glitch_of_the_sensor_is_replaced_and_said(tmp_path) -> None:
     assert r.powered.sum() == 20
     with pytest.raises(DataError, match="no such file"):
         position_servo.read_run(tmp_path / "other.json")
+
+
+def test_a_set_of_servo_logs_is_read_through_dataset_toml(tmp_path) -> None:
+    log(tmp_path, wild=True)
+    t = 0.01 * np.arange(40)
+    formats.write(tmp_path / "sweep.csv", {"ms": 1e3 * t, "asked": np.degrees(t), "q": np.degrees(0.9 * t)})
+    (tmp_path / "dataset.toml").write_text("""
+        [axis]
+        controller = "position"
+        [[record]]
+        file = "log.json"
+        use = "validate"
+        [[record]]
+        file = "sweep.csv"
+        gain = 8
+        mass = 0.5
+        length = 0.2
+        columns = { time = "ms", goal = "asked", position = "q" }
+        units = { time = "ms", goal = "deg", position = "deg" }
+        """)
+    runs = position_servo.load(tmp_path)
+    (swept,), (logged,) = runs.fit, runs.validate
+    assert logged.name == "log.json" and logged.gain == 16 and runs.notes == (f"log.json: {logged.notes[0]}",)
+    assert np.allclose(swept.time, t) and np.allclose(swept.goal, t) and np.allclose(swept.position, 0.9 * t)
+    assert swept.powered.all() and (swept.gain, swept.inertia) == (8, pytest.approx(0.02))
+    with pytest.raises(DataError, match=r"position_servo\.load"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[axis]\ncontroller = "speed"\n', "axis.controller must be position; 'speed' given"),
+        ('[axis]\ninertia = 1.0\n', "unknown key axis.inertia; expected controller"),
+        ('[axis]\ncontroller = "position"\n', "nothing could be identified"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nuse = "select"\n', 'must be "fit" or'),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nmass = -1\n', "record 1: .*mass must be"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\ncolumns = { goal = "g" }\n',
+         "no column 'g' for goal"),
+    ],
+)  # fmt: skip
+def test_a_servo_set_that_cannot_be_understood_is_refused_with_file_and_key(text, said, tmp_path) -> None:
+    log(tmp_path)
+    (tmp_path / "dataset.toml").write_text(text)
+    with pytest.raises(DataError, match=said) as refused:
+        position_servo.load(tmp_path)
+    assert "dataset.toml" in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_servo_takes_no_torque() -> None:
