@@ -4,6 +4,7 @@ import gzip
 import importlib.util
 import json
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,28 @@ def test_mat_columns_and_structs_are_columns_and_scalars_are_not(tmp_path: Path)
     table = formats.read(tmp_path / "run.mat")
     assert {k: v.shape for k, v in table.columns.items()} == {"t": (20,), "log.q": (20,)}
     assert table.unusable == {"gain": "it is a single number", "who": "it holds no numbers"}
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_mat_file_with_an_element_of_no_type_does_not_end_the_process(compressed: bool, tmp_path: Path) -> None:
+    """SciPy looks such a type up beyond the end of a table."""
+    nested = {"t": np.arange(9.0), "s": {"a": np.arange(3.0), "b": "text"}, "c": np.array([1.0, "x"], dtype=object)}
+    scipy.io.savemat(tmp_path / "run.mat", nested, do_compression=compressed)
+    content = (tmp_path / "run.mat").read_bytes()
+    assert set(formats.read(tmp_path / "run.mat").columns) == {"t", "s.a"}
+    if compressed:
+        size = int.from_bytes(content[132:136], "little")
+        inner = bytearray(zlib.decompress(content[136 : 136 + size]))
+        place = inner.index(b"\x09\0\0\0\x48\0\0\0")  # 72 bytes of doubles
+        inner[place] = 92
+        packed = zlib.compress(bytes(inner))
+        content = content[:132] + len(packed).to_bytes(4, "little") + packed
+    else:
+        place = content.index(b"\x09\0\0\0\x48\0\0\0")
+        content = content[:place] + b"\x5c" + content[place + 1 :]
+    (tmp_path / "run.mat").write_bytes(content)
+    with pytest.raises(DataError, match=r"run.mat: cut or damaged: an element of type 92 and 72 bytes"):
+        formats.read(tmp_path / "run.mat")
 
 
 def mat_7_3(path: Path, arrays: dict[str, object]) -> Path:
