@@ -95,16 +95,16 @@ def source(layout: Layout) -> str:
 def _snippet(text: str, real: str) -> str:
     """Body of a native function. It declares what it calls, and ends; the rest stands after it at file scope."""
     name = f"gms_friction_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    declaration = f"double {name}(int, const {real}*, const {real}*, {real}*, double, double, double, double, double)"
+    declaration = f"double {name}(int, const {real}*, const {real}*, {real}*{', double' * 6})"
     return f"""
     {declaration};
     return {name}(joint, wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0),
-                  time, timestep, position, velocity, load);
+                  time, timestep, position, velocity, pull, given);
 }}
 {text}
 double {name}(int joint, const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
-              double position, double velocity, double load) {{
-    return gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity, load);
+              double position, double velocity, double pull, double given) {{
+    return gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity, pull, given);
 """
 
 
@@ -117,8 +117,9 @@ def evaluator(layout: Layout, real: Any) -> Any:
             double.
 
     Returns:
-        f(joint, parameters, row, before, after, world, time, timestep, position, velocity, load) -> torque [N m]; `row`
-        is that of the parameters, `before` and `after` are the states, (nworld, n_state), and may be the same array.
+        f(joint, parameters, row, before, after, world, time, timestep, position, velocity, pull, given) -> torque
+        [N m]; `row` is that of the parameters, `before` and `after` are the states, (nworld, n_state), and may be the
+        same array. For the others see native/kernel.h.
     """
     snippet = _snippet(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
 
@@ -134,7 +135,8 @@ def evaluator(layout: Layout, real: Any) -> Any:
         timestep: wp.float64,
         position: wp.float64,
         velocity: wp.float64,
-        load: wp.float64,
+        pull: wp.float64,
+        given: wp.float64,
     ) -> wp.float64: ...
 
     return friction
@@ -144,7 +146,7 @@ def jax_torque(layout: Layout) -> Any:
     """The friction of one world as a JAX function, which maps over more: a kernel behind JAX's foreign functions.
 
     Returns:
-        f(parameters, state, time, timestep, position, velocity, load) -> torque, state; each (1, n) float32.
+        f(parameters, state, time, timestep, position, velocity, pull, given) -> torque, state; each (1, n) float32.
     """
     evaluate = evaluator(layout, wp.float32)
     n_state, n_joints = layout.n_state, len(layout.joints)
@@ -157,7 +159,8 @@ def jax_torque(layout: Layout) -> Any:
         timestep: wp.array2d[float],
         position: wp.array2d[float],
         velocity: wp.array2d[float],
-        load: wp.array2d[float],
+        pull: wp.array2d[float],
+        given: wp.array2d[float],
         torque: wp.array2d[float],
         state: wp.array2d[float],
     ):
@@ -174,7 +177,8 @@ def jax_torque(layout: Layout) -> Any:
                 wp.float64(timestep[world, 0]),
                 wp.float64(position[world, joint]),
                 wp.float64(velocity[world, joint]),
-                wp.float64(load[world, joint]),
+                wp.float64(pull[world, joint]),
+                wp.float64(given[world, joint]),
             )
         )
 

@@ -86,7 +86,10 @@ class Friction:
         """
         p = self.parameters if parameters is None else parameters
         time, step = jnp.reshape(d.time, (1,)), jnp.reshape(m.opt.timestep, (1,))
-        motion = (time, step, d.qpos[self._places], d.qvel[self._dofs], d.qfrc_actuator[self._dofs])
+        i = self._dofs
+        pull = d.qfrc_actuator[i] - m.dof_armature[i] * d.qacc[i]
+        given = -m.dof_damping[i] * d.qvel[i] + (d.qfrc_applied[i] if m.nu == 0 else 0)
+        motion = (time, step, d.qpos[self._places], d.qvel[i], pull, given)
         inputs = [jnp.asarray(x, jnp.float32)[None] for x in (p, state, *motion)]
         torque, state = self._torque(*inputs)
         return torque[0], state[0]

@@ -98,10 +98,11 @@ class Friction:
         """Adds the torque to `d.qfrc_passive`: what `m.callback.passive` does."""
         if d.nworld != self.nworld:
             raise ModelError(f"the data has {d.nworld} worlds, the friction was put for {self.nworld}")
+        load = (m.dof_armature, d.qacc, d.qfrc_actuator, d.qfrc_damper, d.qfrc_applied, float(m.nactuator == 0))
         wp.launch(
             self._kernel,
             dim=self.torque.shape,
-            inputs=[self._dofs, self._places, self.parameters, m.opt.timestep, d.time, d.qpos, d.qvel, d.qfrc_actuator],
+            inputs=[self._dofs, self._places, self.parameters, m.opt.timestep, d.time, d.qpos, d.qvel, *load],
             outputs=[self.state, self.torque, d.qfrc_passive],
             device=self.state.device,
         )
@@ -119,7 +120,12 @@ def _kernel(layout: batched.Layout) -> Any:
         time: wp.array[float],
         qpos: wp.array2d[float],
         qvel: wp.array2d[float],
+        armature: wp.array2d[float],
+        qacc: wp.array2d[float],
         qfrc_actuator: wp.array2d[float],
+        qfrc_damper: wp.array2d[float],
+        qfrc_applied: wp.array2d[float],
+        applied: float,  # 1 where no actuators drive the joints, else 0
         state: wp.array2d[wp.float64],
         torque: wp.array2d[wp.float64],
         qfrc_passive: wp.array2d[float],
@@ -137,7 +143,8 @@ def _kernel(layout: batched.Layout) -> Any:
             wp.float64(timestep[world % timestep.shape[0]]),
             wp.float64(qpos[world, places[joint]]),
             wp.float64(qvel[world, dof]),
-            wp.float64(qfrc_actuator[world, dof]),
+            wp.float64(qfrc_actuator[world, dof] - armature[world % armature.shape[0], dof] * qacc[world, dof]),
+            wp.float64(qfrc_damper[world, dof] + applied * qfrc_applied[world, dof]),
         )
         torque[world, joint] = f
         qfrc_passive[world, dof] += float(f)

@@ -69,15 +69,16 @@ def test_every_effect_is_the_native_replay_along_a_motion():
 
     @jax.jit
     def replay(*motion):
-        def at(state, now):
+        def at(carry, now):
+            state, last = carry
             t, q, v, load = now
-            full = {k: jnp.full_like(d.qvel, x) for k, x in (("qpos", q), ("qvel", v), ("qfrc_actuator", load))}
+            full = {k: jnp.full_like(d.qvel, x) for k, x in (("qpos", q), ("qvel", v), ("qfrc_actuator", load - last))}
             here = d.replace(time=t, **full)
             _, state = friction.torque(m, here, state)
             torque, state = friction.torque(m, here, state)  # once more changes nothing
-            return state, torque
+            return (state, torque), torque
 
-        return jax.lax.scan(at, friction.init(), motion)[1]
+        return jax.lax.scan(at, (friction.init(), jnp.zeros(len(friction.joints))), motion)[1]
 
     for joint, torque in zip(friction.joints, replay(*motion()).T, strict=True):
         should = expected(joint, *motion())

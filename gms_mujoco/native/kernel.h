@@ -12,8 +12,9 @@ enum { kFirstUse = 0, kNumUses, kFirstParameter, kNumParameters, kFirstState, kN
 enum { kEffect = 0, kElements, kUseParameter, kUseState, kUseRow };
 
 // State of a joint: where it is anchored, whether it has not moved since the reset, the torque at the anchor with the
-// velocity it was found at; then the state of each effect. See Joint in joint.h and kBookkeeping in instance.h.
-enum { kAnchor = 0, kAnchorTime, kVirgin, kTorqueThere, kVelocityThere, kOwnState };
+// velocity it was found at, the load; what the joint was given at the last evaluation, by friction and others; then the
+// state of each effect. See Joint in joint.h and kBookkeeping in instance.h.
+enum { kAnchor = 0, kAnchorTime, kVirgin, kTorqueThere, kVelocityThere, kLoad, kGiven, kOwnState };
 
 inline double total(const int* uses, int n, const double* p, const Motion& motion, const double* state, double* next) {
   Level level;
@@ -31,11 +32,12 @@ inline double total(const int* uses, int n, const double* p, const Motion& motio
 
 // Torque on the joint now, and its state: `before` and `after` may be the same. The first call at a later time moves the
 // state on, over a whole number of steps, for time has single precision only; repeated calls at one time change nothing.
-// Where time has gone back, or is not a number in the state, the joint has never moved. `load` is that of the step that
-// has led here, as when the plug-in moves its state on.
+// Where time has gone back, or is not a number in the state, the joint has never moved. `pull` is what the
+// actuators gave in the step that has led here, less what the rotor took, and `given` what acts on the joint now beside
+// friction and actuators: from them comes the load, as in `advance` of evaluate.cc.
 template <class Real>
 double evaluate(int number, const Real* parameters, const Real* before, Real* after, double time, double step,
-                double position, double velocity, double load) {
+                double position, double velocity, double pull, double given) {
   double p[GMS_MOST_PARAMETERS], state[GMS_MOST_STATES], next[GMS_MOST_STATES];
   const int* joint = kJoints + number * kJointRow;
   const int* uses = kUses + joint[kFirstUse] * kUseRow;
@@ -44,11 +46,12 @@ double evaluate(int number, const Real* parameters, const Real* before, Real* af
   for (int i = 0; i < n_state; i++) state[i] = before[joint[kFirstState] + i];
 
   const bool reset = !(time >= state[kAnchorTime]), later = time > state[kAnchorTime];
-  Motion motion{position, 0, velocity, 0, time, load, 0};
+  if (later) state[kLoad] = state[kGiven] + pull;
+  Motion motion{position, 0, velocity, 0, time, reset ? 0 : state[kLoad], 0};
   double f;
   if (reset || (!later && state[kVirgin] != 0)) {  // to be set somewhere after a reset is no motion
     if (reset) {
-      for (int i = kOwnState; i < n_state; i++) state[i] = 0;
+      for (int i = kLoad; i < n_state; i++) state[i] = 0;
     }
     total(uses, n, p, motion, state, next);  // each effect learns the velocity that it sets out with
     for (int i = kOwnState; i < n_state; i++) state[i] = next[i];
@@ -69,6 +72,7 @@ double evaluate(int number, const Real* parameters, const Real* before, Real* af
     state[kTorqueThere] = f;
     state[kVelocityThere] = velocity;
   }
+  state[kGiven] = f + given;
   for (int i = 0; i < n_state; i++) after[joint[kFirstState] + i] = static_cast<Real>(state[i]);
   return f;
 }
