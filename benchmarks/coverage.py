@@ -5,7 +5,8 @@
 Each experiment draws an axis with two Maxwell-slip elements and measures it in three runs of 4 s at 1 kHz (below
 break-away, around it, turning) through an encoder of 10^6 counts per turn and noise on the torque. The plant fitted
 knows the inertia and the number of elements, nothing else. Every second experiment hides a weak cogging that the plant
-lacks, 5 % of the friction. Reported seeds start at 1000; seeds below 100 were used while the rules were made.
+lacks, 5 % of the friction; the truth stays that of the axis. Reported seeds start at 1000; seeds below 200 were used
+while the rules were made.
 """
 
 from __future__ import annotations

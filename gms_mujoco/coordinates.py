@@ -153,10 +153,17 @@ class Coordinates:
             plant = plant.replace(plant[name].replace(**new))
         return plant
 
-    def intervals(self, x: Array, covariance: Array, z: float = 1.96) -> dict[str, tuple[float, float]]:
-        """Interval of each value, by its name, from the covariance of the coordinates."""
+    def intervals(
+        self, x: Array, covariance: Array, deviations: Array | float = 1.96
+    ) -> dict[str, tuple[float, float]]:
+        """Interval of each value, by its name, from the covariance of the coordinates.
+
+        Args:
+            deviations: standard deviations in half an interval, of each coordinate (size,) or of all.
+        """
         out: dict[str, tuple[float, float]] = {}
         values, at = self.values(x), 0
+        widths = np.broadcast_to(np.asarray(deviations, float), (self.size,))
         for b in self.blocks:
             here = slice(at, at + b.size)
             at += b.size
@@ -164,11 +171,12 @@ class Coordinates:
             if b.scale == "share":
                 slope = np.diag(value)[:, :-1] - np.outer(value, value[:-1])
                 sigma = np.sqrt(np.maximum(np.diag(slope @ covariance[here, here] @ slope.T), 0))
-                lower, upper = np.clip(value - z * sigma, 0, 1), np.clip(value + z * sigma, 0, 1)
+                half = widths[here].max() * sigma  # the last share has no coordinate of its own
+                lower, upper = np.clip(value - half, 0, 1), np.clip(value + half, 0, 1)
             else:
-                sigma = np.sqrt(np.maximum(np.diag(covariance)[here], 0))
+                half = widths[here] * np.sqrt(np.maximum(np.diag(covariance)[here], 0))
                 least, most = b.bounds()
-                lower, upper = (b.decode(np.clip(x[here] + d * sigma, least, most)) for d in (-z, z))
+                lower, upper = (b.decode(np.clip(x[here] + d, least, most)) for d in (-half, half))
                 if b.scale == "above":
                     lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}

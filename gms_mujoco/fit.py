@@ -197,8 +197,9 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         for i, (o, left) in enumerate(zip(observations, np.split(residual, misfit.splits), strict=True))
     ]
     floor = relative_error(floor_rows, applied)
-    scatter = covariance(misfit, x)[:n, :n]
-    intervals = misfit.coordinates.intervals(x[:n], scatter)
+    whole, deviations = covariance(misfit, x)
+    scatter = whole[:n, :n]
+    intervals = misfit.coordinates.intervals(x[:n], scatter, deviations[:n])
     together = dict(zip(misfit.coordinates.labels, map(tuple, scatter.tolist()), strict=True))
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {

@@ -31,10 +31,10 @@ _FEWEST_BLOCKS = 6  # of all records together, if they are long enough
 _LEVERAGE = 0.95  # that a block has at most: one that alone decides leaves no residual to judge it by
 
 
-def covariance(misfit: Misfit, x: Array) -> Array:
-    """(size, size) covariance of the vector of least squares, so that 1.96 standard deviations are a 95 % interval.
+def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
+    """Covariance (size, size) of the vector of least squares, and the standard deviations (size,) in half an interval.
 
-    Each standard deviation is larger than the sandwich's by Student's t over 1.96, for it is known from few blocks.
+    Those are Student's t for 95 %, more than 1.96, for a variance is known from few blocks.
     """
     residual = misfit.residual(x)
     # A state that the data hardly see is as unsure as it was before them.
@@ -53,9 +53,8 @@ def covariance(misfit: Misfit, x: Array) -> Array:
         kept.append((axes * (leverage * more)) @ axes.T)
         kept_twice.append((axes * (leverage * more**2)) @ axes.T)
     freedom = _freedom(root, np.array(kept), np.array(kept_twice))
-    wider = stats.t.ppf(0.975, np.maximum(freedom, 1.0)) / 1.96
-    spread = root @ np.array(scores).T * wider[:, None]
-    return np.asarray(spread @ spread.T)
+    spread = root @ np.array(scores).T
+    return np.asarray(spread @ spread.T), np.asarray(stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
 
 
 def _freedom(root: Array, kept: Array, kept_twice: Array) -> Array:

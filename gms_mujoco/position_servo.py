@@ -228,7 +228,7 @@ def _found(misfit: Misfit, x: Array, runs: Sequence[ServoRun]) -> Plant:
         "position_error": error(plant, runs),
         "version": f"gms_mujoco {__version__}",
     }
-    return replace(plant, uncertainty=misfit.coordinates.intervals(x, covariance(misfit, x)), provenance=provenance)
+    return replace(plant, uncertainty=misfit.coordinates.intervals(x, *covariance(misfit, x)), provenance=provenance)
 
 
 @dataclass(frozen=True)

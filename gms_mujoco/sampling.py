@@ -32,7 +32,8 @@ def sample(
     """Plants as the data of a fit allow them.
 
     Each parameter that has a 95 % interval is normal on the scale on which a fit moves it (logarithmic where it has no
-    natural zero), cut at the ends of the interval. Where the plant has the covariance of its fit, as `fit` leaves it
+    natural zero), cut at 1.96 standard deviations: the ends of the interval, or inside it where few blocks of data make
+    it wider. Where the plant has the covariance of its fit, as `fit` leaves it
     and `model.toml` keeps it, the parameters are drawn together: a normal copula with its correlations. From intervals
     alone they are independent. Bounds hold, shares sum to 1, and what data leave open by more than a factor of ten
     either way is drawn within that factor of its value.
@@ -65,6 +66,8 @@ def sample(
         raise ModelError(f"sampling needs 95 % intervals, as a fit writes them; of {listing(kinds)} none has one")
     sigma, root = _scatter(plant, together)
     x, (lower, upper) = together.encode(plant), together.bounds
+    if outside:
+        sigma = np.maximum(sigma, _half_widths(plant, together, x) / _SIGMAS)
     out = []
     for _ in range(n):
         drawn = plant
@@ -93,6 +96,19 @@ def _together(plant: Plant, among: Collection[str]) -> Coordinates:
         if (b.effect or "inertia") not in among or not all(k in plant.covariance for k in b.labels[: b.size])
     ]
     return Coordinates(everything.template, missing)
+
+
+def _half_widths(plant: Plant, coordinates: Coordinates, x: Array) -> Array:
+    """(size,) from each coordinate to the upper end of its interval; 0 for shares, which have none of their own."""
+    out = np.zeros(coordinates.size)
+    for i, label in enumerate(coordinates.labels):
+        b = next(b for b in coordinates.blocks if label in b.labels)
+        if b.scale != "share" and label in plant.uncertainty:
+            top = np.array([plant.uncertainty[label][1]])
+            if b.scale == "above":
+                top = top - np.asarray(plant[b.effect].values[b.parameter.at_least], float)
+            out[i] = float(b.encode(top)[0]) - x[i]
+    return np.where(coordinates.is_linear, out, np.minimum(out, math.log(_VAGUE)))
 
 
 def _scatter(plant: Plant, coordinates: Coordinates) -> tuple[Array, Array]:

@@ -228,7 +228,8 @@ def test_the_solver_goes_downhill(fitted: FitResult) -> None:
 
 
 def test_the_covariance_is_symmetric_and_positive(fitted: FitResult) -> None:
-    c = covariance(fitted.misfit, fitted.vector)
+    c, deviations = covariance(fitted.misfit, fitted.vector)
+    assert np.all(deviations >= 1.959)
     np.testing.assert_allclose(c, c.T, rtol=1e-6, atol=1e-12 * np.abs(c).max())
     assert np.all(np.diag(c) >= 0)
 

@@ -24,10 +24,15 @@ def linear(matrix: np.ndarray, target: np.ndarray, per_block: int) -> tuple[Misf
     return cast(Misfit, problem), x
 
 
+def half_widths(problem: Misfit, x: np.ndarray) -> np.ndarray:
+    whole, deviations = covariance(problem, x)
+    return np.asarray(deviations * np.sqrt(np.diag(whole)))
+
+
 def test_the_interval_of_a_mean_is_that_of_student() -> None:
     y = np.random.default_rng(0).standard_normal(12)
     problem, x = linear(np.ones((12, 1)), y, 1)
-    half = 1.96 * np.sqrt(covariance(problem, x)[0, 0])
+    half = half_widths(problem, x)[0]
     assert half == pytest.approx(stats.t.ppf(0.975, 11) * y.std(ddof=1) / np.sqrt(12), rel=1e-9)
 
 
@@ -37,7 +42,7 @@ def test_intervals_hold_the_truth_from_few_blocks() -> None:
     held = []
     for _ in range(2000):
         problem, x = linear(matrix, rng.standard_normal(40), 5)
-        held.append(np.abs(x) < 1.96 * np.sqrt(np.diag(covariance(problem, x))))
+        held.append(np.abs(x) < half_widths(problem, x))
     assert np.all(np.abs(np.mean(held, 0) - 0.95) < 0.025)
 
 
