@@ -178,7 +178,7 @@ def diagnose(
         if not search.add_one(lambda done, message, a=lower, b=width: report(a + b * done, message)):  # type: ignore[misc]
             break
     report(0.85, "checking the order")
-    search.drop_idle()
+    search.drop_false()
 
     report(0.9, "scoring the validate records")
     last = search.steps[-1].result

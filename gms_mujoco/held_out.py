@@ -21,6 +21,7 @@ _CORRELATED = 0.1  # autocorrelation that counts as none
 _APART = 3  # times the lag of that, over which sums are taken as independent
 _FEWEST_ROWS = 4  # in a stretch
 _ENOUGH = 8  # stretches of a record that say how loud it is by itself
+_LEAST = 1e-12  # so far out the tail of a distribution says nothing
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def p_value(before: HeldOut, after: HeldOut) -> float:
     often as not. The fall is regressed on the one predicted, through zero, by a one-sided t-test with errors that may
     differ from stretch to stretch (HC3; MacKinnon and White, J. Econometrics 29, 1985) and the degrees of freedom of
     the stretches that count. So an effect that acts in one record or at reversals only is judged there. Stretches are
-    as long as what is left stays correlated with the change, at most `BLOCK`.
+    as long as what is left stays correlated with the change, at most `BLOCK`. Never less than 1e-12.
     """
     change = before.rows - after.rows
     lengths = _lengths(after.observations, change * after.rows)
@@ -78,7 +79,31 @@ def p_value(before: HeldOut, after: HeldOut) -> float:
     left = (fallen - slope * predicted) / np.maximum(1 - predicted**2 / power, 1e-9)
     error = float(np.sqrt(np.sum((predicted * left) ** 2))) / power
     freedom = max(power**2 / float(np.sum(predicted**4)) - 1, 0.5)
-    return float(stats.t.sf(slope / max(error, 1e-12), freedom))
+    return max(float(stats.t.sf(slope / max(error, 1e-12), freedom)), _LEAST)
+
+
+def scatter(before: HeldOut, after: HeldOut, floor: Array) -> float:
+    """By how much what is added between the two acts more or less than it predicts, from one block to the next.
+
+    In a block where the added effect changes the prediction by d and e is left, least squares sees it 1 + d e / d^2
+    times as large as predicted. Pooled over blocks, each with its weight d^2, the root mean square of d e / d^2 is near
+    0 for an effect that is real, also beside others that are not known. One that stands for something else is now too
+    large and now too small, at about its own size, although on the whole it helps.
+
+    Args:
+        floor: (m,) residual that sensor noise alone leaves, whose share of the scatter is taken off [N m].
+    """
+    change = before.rows - after.rows
+    weight = block_sums(after.observations, change**2, BLOCK)
+    total = float(weight.sum())
+    if total <= 0:
+        return 0.0
+
+    def square(rows: Array) -> float:
+        common = block_sums(after.observations, change * rows, BLOCK)
+        return float(np.sum(common**2 / np.maximum(weight, 1e-12 * total))) / total
+
+    return float(np.sqrt(max(square(after.rows) - square(floor), 0.0)))
 
 
 def _lengths(observations: Sequence[Seen], product: Array) -> NDArray[np.intp]:

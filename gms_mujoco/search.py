@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from .compare import Comparison, compare_observations
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
-from .held_out import HeldOut, p_value
+from .held_out import HeldOut, p_value, scatter
 from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
@@ -27,6 +28,7 @@ FALSE_DISCOVERY_RATE = 0.01
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
+MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
@@ -216,17 +218,33 @@ class Search:
         )
         return after < before
 
-    def drop_idle(self) -> None:
-        """Takes away again an effect that a later one has made superfluous."""
-        for k in range(len(self.steps) - 2, 0, -1):
-            name = self.steps[k].effect
-            assert name is not None
-            last = self.steps[-1]
-            without = refine(*_without(last.result, name))
-            held_out = cross_validated(without.misfit, without.vector)
-            if p_value(held_out, last.held_out) > FALSE_DISCOVERY_RATE:
-                final = replace(last, result=without, held_out=held_out)
-                self.steps = [*self.steps[:k], *self.steps[k + 1 : -1], final]
+    def drop_false(self) -> None:
+        """Takes away again an effect that a later one has made superfluous, or that acts unlike its prediction.
+
+        Only beside all the others can that be seen: what is still missing would count against what was found first.
+        """
+        while len(self.steps) > 1:
+            judged = [(k, *self._against(k)) for k in range(len(self.steps) - 1, 0, -1)]
+            idle = [j for j in judged if j[3] > FALSE_DISCOVERY_RATE]
+            k, without, held_out, _, most = idle[0] if idle else max(judged, key=lambda j: j[4])
+            if not idle and most <= MOST_SCATTER:
+                break
+            step = self.steps[k]
+            if not idle:
+                self.rejected.append((str(step.effect), step.p_value, self.steps[-1].result.plant))
+            kept = [*self.steps[:k], *self.steps[k + 1 :]]
+            self.steps = [*kept[:-1], replace(kept[-1], result=without, held_out=held_out)]
+
+    def _against(self, k: int) -> tuple[FitResult, HeldOut, float, float]:
+        """The last plant without the effect of step k, what that leaves, and p value and scatter of the effect."""
+        last, name = self.steps[-1], self.steps[k].effect
+        assert name is not None
+        result, held_out = self.steps[-2].result, self.steps[-2].held_out
+        if {e.name for e in result.plant.effects} != {e.name for e in last.result.plant.effects} - {name}:
+            result = refine(*_without(last.result, name))
+            held_out = cross_validated(result.misfit, result.vector)
+        floor = last.result.floor_rows / math.sqrt(last.result.misfit.delivered(last.result.vector))
+        return result, held_out, p_value(held_out, last.held_out), scatter(held_out, last.held_out, floor)
 
 
 def _with_curve(result: FitResult) -> HeldOut:
@@ -275,12 +293,18 @@ def _floor(result: FitResult) -> float:
 def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:
     """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
 
+    As good is what is not told from the best, or leaves hardly more: long records tell apart what makes no difference.
+
     Args:
         held_out: what each leaves.
         sizes: free parameters of each.
     """
     best = min(held_out, key=lambda h: h.total)
-    equal = [i for i, h in enumerate(held_out) if p_value(h, best) > _CONFUSABLE]
+    equal = [
+        i
+        for i, h in enumerate(held_out)
+        if p_value(h, best) > _CONFUSABLE or h.total - best.total < LEAST_GAIN * best.total
+    ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]
 

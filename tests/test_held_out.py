@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gms_mujoco.held_out import HeldOut, correlated, p_value
+from gms_mujoco.held_out import BLOCK, HeldOut, correlated, p_value, scatter
 from gms_mujoco.inverse import Observation
 from gms_mujoco.record import Record
 
@@ -86,3 +86,26 @@ def test_squares_add_up() -> None:
 def test_the_length_of_a_correlation_is_found() -> None:
     assert correlated(rough(20000, 1)) == 1
     assert 30 <= correlated(rough(20000, 40)) <= 40
+
+
+def spread(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> float:
+    return scatter(HeldOut(before, SEEN), HeldOut(after, SEEN), floor)
+
+
+def test_what_is_real_scatters_no_more_than_the_noise_says() -> None:
+    for where in ("everywhere", "one record", "moments"):
+        effect = acting(where)
+        for loud in (0.1, 1.0, 3.0):
+            error, floor = loud * rough(ROWS * RECORDS, 2), loud * rough(ROWS * RECORDS, 2)
+            assert spread(error + effect, error, floor) < 0.3 * max(loud, 0.3)
+
+
+def test_what_stands_for_something_else_scatters_by_its_own_size() -> None:
+    """Twice as strong in some blocks as in others: a mean strength fits, and the noise does not say why."""
+    effect, floor = acting("everywhere"), 0.01 * rough(ROWS * RECORDS, 2)
+    n = SEEN[0].rows_per_block(BLOCK)
+    of_block = np.tile(np.minimum(np.arange(ROWS) // n, ROWS // n - 1) % 2, RECORDS)
+    for uneven in (0.2, 0.8):
+        true = effect * (1 + uneven * (2 * of_block - 1))
+        assert spread(true, true - effect, floor) == pytest.approx(uneven, rel=0.1)
+    assert spread(floor, floor, floor) == 0.0
