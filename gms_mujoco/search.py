@@ -244,7 +244,9 @@ class Search:
             result = refine(*_without(last.result, name))
             held_out = cross_validated(result.misfit, result.vector)
         floor = last.result.floor_rows / math.sqrt(last.result.misfit.delivered(last.result.vector))
-        return result, held_out, p_value(held_out, last.held_out), scatter(held_out, last.held_out, floor)
+        # What the fits leave, not what they predict: a block that alone determines an unknown is predicted by chance.
+        uneven = scatter(_residual(result), _residual(last.result), floor)
+        return result, held_out, p_value(held_out, last.held_out), uneven
 
 
 def _with_curve(result: FitResult) -> HeldOut:
@@ -277,6 +279,13 @@ def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -
 
 def _error(result: FitResult) -> float:
     return result.error
+
+
+def _residual(result: FitResult) -> HeldOut:
+    """What a fit leaves where the motion determines friction, for a drive that delivers everything."""
+    misfit = result.misfit
+    rows = misfit.residual(result.vector) * determined(misfit)
+    return HeldOut(rows / math.sqrt(misfit.delivered(result.vector)), misfit.observations)
 
 
 def _left(misfit: Misfit, vector: Array) -> float:
