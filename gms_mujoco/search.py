@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -32,6 +33,7 @@ MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its si
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
+_EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
@@ -87,7 +89,8 @@ class Search:
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
-        self.steps.append(Step(None, result, held_out=cross_validated(result.misfit, result.vector)))
+        self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
+        self._bend()
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
@@ -137,7 +140,31 @@ class Search:
             self.steps[-1] = replace(self.steps[-1], result=result, held_out=held_out)
         else:
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
+        if self._bend():  # what was chosen beside the wrong curve is chosen again
+            self.first(lambda done, message: None)
         return True
+
+    def _bend(self) -> bool:
+        """Gives the Stribeck curve another exponent, which no fit frees, where friction over speed asks for it."""
+        bent = False
+        if self.at_floor or not self.bent:
+            return bent
+        for effect in self.steps[-1].result.plant.effects:
+            for exponent in _EXPONENTS:
+                last = self.steps[-1]
+                now = last.result.plant[effect.name]
+                if now.values.get("stribeck_exponent") in (None, exponent):
+                    continue
+                other = last.result.plant.replace(now.replace(stribeck_exponent=exponent))
+                result = refine(Misfit(other, self.seen), last.result.vector)
+                held_out = cross_validated(result.misfit, result.vector)
+                if self._is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
+                    bent = True
+                    self.steps[-1] = replace(last, result=result, held_out=held_out)
+                    if effect.name in self.start:
+                        begun = self.start[effect.name]
+                        self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
+        return bent
 
     def _is_worth_it(self, result: FitResult, held_out: HeldOut) -> bool:
         """Whether an effect takes a good part of what noise does not explain.
@@ -266,15 +293,18 @@ def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
 
 
 def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
-    """The best of the rough fits, best first, and one more where the first two do the same to the residual."""
+    """The best of the rough fits, best first; one more where the first two do the same to the residual; and the best
+    of those that do the same as the first with fewer parameters."""
     before = current.misfit.residual(current.vector)
-    after = [misfit.residual(x) for _, misfit, x in rough[:_FINALISTS]]
+    after = [misfit.residual(x) for _, misfit, x in rough]
     if any(len(r) != len(before) for r in after):
         return list(rough[:_FINALISTS])  # of responses, fewer points: what they do cannot be set side by side
     changes = [before - r for r in after]
     sizes = [float(np.sqrt(c @ c)) for c in changes]
-    alike = len(changes) == _FINALISTS and float(changes[0] @ changes[1]) > _SAME * sizes[0] * sizes[1]
-    return list(rough[: _FINALISTS + alike])
+    alike = [float(changes[0] @ c) > _SAME * sizes[0] * size for c, size in zip(changes, sizes, strict=True)]
+    most = _FINALISTS + (len(rough) > _FINALISTS - 1 and all(alike[:_FINALISTS]))
+    simpler = (t for t, same in zip(rough[most:], alike[most:], strict=True) if same and t[1].size < rough[0][1].size)
+    return [*rough[:most], *itertools.islice(simpler, 1)]
 
 
 def _error(result: FitResult) -> float:

@@ -197,3 +197,10 @@ def test_practice_sets(practice: Path, name: str) -> None:
     else:
         first, last = d.steps[0].validate_error, d.steps[-1].validate_error
         assert d.verdict in ("explained", "partly_explained") and last < 0.2 * first
+
+
+def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() -> None:
+    gauss = HEALTHY.replace(HEALTHY["gms"].replace(static=7e-3, stribeck_velocity=3.0, stribeck_exponent=2.0))
+    d = diagnose(dataset(gauss), UNKNOWN)
+    assert d.verdict == "adequate"
+    assert d.plant["gms"].stribeck_exponent == 2.0
