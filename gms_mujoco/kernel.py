@@ -164,7 +164,7 @@ def jax_torque(layout: Layout) -> Any:
         torque: wp.array2d[float],
         state: wp.array2d[float],
     ):
-        world, joint = wp.tid()  # type: ignore[misc]
+        world, joint = wp.tid()  # type: ignore[misc, unused-ignore]
         torque[world, joint] = float(
             evaluate(
                 joint,

@@ -130,7 +130,7 @@ def _kernel(layout: batched.Layout) -> Any:
         torque: wp.array2d[wp.float64],
         qfrc_passive: wp.array2d[float],
     ):
-        world, joint = wp.tid()  # type: ignore[misc]
+        world, joint = wp.tid()  # type: ignore[misc, unused-ignore]
         dof = dofs[joint]
         f = evaluate(
             joint,
