@@ -35,7 +35,7 @@ def test_it_compiles_for_a_gpu_without_one(tmp_path):
     assert "friction_kernel" in text and "f64" in text
 
 
-def test_says_in_one_line_what_is_missing():
+def test_says_in_one_line_what_is_missing(tmp_path):
     code = """
 import sys
 from importlib import import_module
@@ -49,7 +49,7 @@ for module, missing in (("mjx", "jax"), ("warp", "mujoco_warp"), ("warp", "warp"
     except EngineError as error:
         print(error)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     lines = [line for line in done.stdout.splitlines() if "needs" in line]
     extras = ("mjx", "warp", "warp")
     assert [line.split(": ")[1] for line in lines] == [f"pip install 'gms-mujoco[{x}]'" for x in extras]
