@@ -34,6 +34,7 @@ MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
+_FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
 _FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
@@ -167,12 +168,12 @@ class Search:
         return bent
 
     def _is_worth_it(self, result: FitResult, held_out: HeldOut) -> bool:
-        """Whether an effect takes a good part of what noise does not explain.
+        """Whether an effect takes a good part of what noise does not explain; at the noise floor, of everything.
 
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts.
         """
         before = self.held_out.total
-        floor = min(_floor(self.steps[-1].result), _floor(result))
+        floor = 0.0 if self.at_floor else min(_floor(self.steps[-1].result), _floor(result))
         return bool(before - held_out.total > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
 
     def _beyond_speed(self, name: str, result: FitResult) -> float:
@@ -214,16 +215,21 @@ class Search:
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
 
     def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
-        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning."""
-        plant = joined(current.plant, candidate.effect)
+        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.
+
+        An effect that has several forms, which no fit chooses from, is tried in each.
+        """
         some = fewer(self.seen, _POINTS)
-        misfit = Misfit(plant, some)
-        memories = current.misfit.memories(current.vector, misfit.n_memory)
-        x = nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))
-        if not candidate.strong:
-            return misfit, x
-        other = rough_fit(self._fresh(plant.replace(candidate.strong), candidate.strong.name), some)
-        return min(((misfit, x), other), key=lambda t: t[0].cost(t[1]))
+        fits = []
+        for form in _FORMS.get(candidate.effect.name, ({},)):
+            plant = joined(current.plant, candidate.effect.replace(**form))
+            misfit = Misfit(plant, some)
+            memories = current.misfit.memories(current.vector, misfit.n_memory)
+            fits.append((misfit, nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))))
+            if candidate.strong:
+                strong = candidate.strong.replace(**form)
+                fits.append(rough_fit(self._fresh(plant.replace(strong), strong.name), some))
+        return min(fits, key=lambda t: t[0].cost(t[1]))
 
     def _fresh(self, near: Plant, name: str) -> Plant:
         """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""

@@ -204,3 +204,11 @@ def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() ->
     d = diagnose(dataset(gauss), UNKNOWN)
     assert d.verdict == "adequate"
     assert d.plant["gms"].stribeck_exponent == 2.0
+
+
+def test_both_forms_of_asymmetric_friction_are_named() -> None:
+    for stiffening in (0, 1):
+        hidden = effects.AsymmetricFriction(level=0.25, stiffening=stiffening)
+        d = diagnose(dataset(HEALTHY + hidden), UNKNOWN)
+        assert [e.name for e in d] == ["asymmetric_friction"]
+        assert d.plant["asymmetric_friction"].stiffening == stiffening

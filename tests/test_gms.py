@@ -107,3 +107,29 @@ def test_break_away_depends_on_the_rate():
         force, _ = friction()(path(0, 0.3, step=speed * 1e-3))
         peak.append(force.max())
     assert peak[0] > peak[1] > peak[2]
+
+
+@pytest.mark.parametrize("stiffening", [0, 1])
+def test_a_direction_that_is_stronger_as_a_whole_is_stiffer_too(stiffening):
+    """Virgin stiffness forward and backward; at level 0.2 the levels are 1.2 and 0.8 either way."""
+    law = effects.GMS(
+        stiffness=STIFFNESS, fraction=FRACTION, coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e6
+    )
+    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=stiffening)).joint()
+    for way in (1, -1):
+        q = way * np.array([0, 1e-6, 0.5])
+        t = np.arange(3.0)
+        stuck, slid = -way * joint.replay(t, q, np.gradient(q)).torque[1:]
+        assert slid == pytest.approx((1 + 0.2 * way) * FC)
+        assert stuck == pytest.approx((1 + 0.2 * way * stiffening) * sum(STIFFNESS) * 1e-6)
+
+
+def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
+    """Where the level alone differs: from 1.2 forward to 0.8 backward it falls to 0.8 and then unwinds as a spring."""
+    law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e-6)
+    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=0)).joint()
+    q = np.array([0, 0.02, 0.02 - 1e-6, 0.02 - 1e-3])
+    torque = -joint.replay(np.arange(4.0), q, np.gradient(q)).torque
+    assert torque[1] == pytest.approx(1.2 * FC)
+    assert torque[2] == pytest.approx(0.8 * FC)
+    assert torque[3] == pytest.approx(0.8 * FC - 0.999e-3)

@@ -5,6 +5,7 @@ namespace {
 void modulate(const double* p, int, const gms::Motion&, gms::Level& level) {
   level.forward *= 1 + p[0];
   level.backward *= 1 - p[0];
+  if (p[2] == 0) level.stiffens = false;
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double*, double*) {
@@ -20,13 +21,15 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "friction",
     "Friction that differs between the directions: the level of every friction law of the joint is multiplied by\n"
     "1 + a forward and 1 - a backward, and the viscous drag by a torque -b |v| (drag sigma + b forward, sigma - b\n"
-    "backward). A constant difference that does not scale with the level is `torque_offset`.\n"
+    "backward). A constant difference that does not scale with the level is `torque_offset`. The elements of `gms` are\n"
+    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",
     "Runs at several constant speeds in both directions over the same positions.",
     {{"level", "1", 0, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
-     {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"}},
+     {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"},
+     {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness differs as the level does; 0: the level alone"}},
     nullptr,
     nullptr,
     nullptr,

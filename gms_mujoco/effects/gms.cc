@@ -30,7 +30,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
     return -total;
   }
   const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
-  const double distance = scale * std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
+  const double distance = (level.stiffens ? scale : 1) * std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
   // Forces here grow in the direction of motion. While every element sticks well below its limit nobody needs the
   // Stribeck curve, which is dear.
   int i = 0;
@@ -53,6 +53,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
       const double stuck = force + stiffness[i] * distance, lowest = -fraction[i] * most;
       if (stuck < lowest) {  // what modulates friction no longer lets it carry its force: gives way
         force = lowest;
+        if (!level.stiffens) slip = 0;  // a limit that has dropped is no slip in the direction of motion
       } else if (stuck > limit) {
         // An element that reaches its limit inside the interval slides at it for the rest; one that the level has
         // dropped below keeps its force and relaxes.

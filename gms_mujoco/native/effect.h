@@ -36,10 +36,11 @@ struct Motion {
 
 // Multipliers of the friction in each direction of motion. Effects that modulate friction (asymmetry, load,
 // position, temperature) write them; every friction law scales by `at(direction)` what grows with the real area of
-// contact: its level and its pre-sliding stiffness.
+// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness.
 struct Level {
   double forward = 1;
   double backward = 1;
+  bool stiffens = true;  // whether the stiffness of a contact grows with its level
   double at(double direction) const { return direction < 0 ? backward : forward; }
 };
 
