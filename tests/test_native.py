@@ -1,5 +1,8 @@
 """Replay and simulation of one axis in the native library."""
 
+import copy
+import gc
+
 import numpy as np
 import pytest
 
@@ -144,3 +147,14 @@ def test_refuses_impossible_axes(wrong):
 def test_refuses_an_unknown_integration():
     with pytest.raises(ModelError, match="auto, explicit, implicit"):
         Plant.axis(J).joint().simulate(J, 1e-3, np.zeros(3), integration="magic")
+
+
+def test_a_copied_joint_is_a_joint_of_its_own():
+    joint = (Plant.axis() + effects.Viscous(coefficient=2.0)).joint()
+    twins = [copy.copy(joint), copy.deepcopy(joint)]
+    del joint
+    gc.collect()
+    t = np.arange(3.0)
+    for twin in twins:
+        np.testing.assert_allclose(twin.replay(t, t, np.ones(3)).torque, -2.0)
+    assert len({twin._handle for twin in twins}) == 2

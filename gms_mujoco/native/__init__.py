@@ -240,6 +240,7 @@ class Joint:
     """
 
     def __init__(self, effects: Sequence[tuple[str, int, Array]]) -> None:
+        self._effects = list(effects)
         self._handle = library.gms_joint_new()
         self.n_effects = len(effects)
         self._counts = [n for _, n, _ in effects]
@@ -253,6 +254,10 @@ class Joint:
     def __del__(self) -> None:
         if getattr(self, "_handle", None) and library is not None:
             library.gms_joint_delete(self._handle)
+
+    def __reduce__(self) -> tuple[type[Joint], tuple[list[tuple[str, int, Array]]]]:
+        """A copy has a handle of its own."""
+        return Joint, (self._effects,)
 
     def replay(
         self,
