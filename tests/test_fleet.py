@@ -103,7 +103,8 @@ def test_nothing_is_lost_in_a_kill(robots: Path, tmp_path: Path) -> None:
     SIMPLE.save(tmp_path / "simple.toml")
     out = tmp_path / "out"
     argv = [sys.executable, "-m", "gms_mujoco", "fleet", sets, "-o", str(out), "--jobs", "1"]
-    process = subprocess.Popen([*argv, "--model", str(tmp_path / "simple.toml")], stderr=subprocess.DEVNULL)
+    argv += ["--model", str(tmp_path / "simple.toml")]
+    process = subprocess.Popen(argv, cwd=tmp_path, stderr=subprocess.DEVNULL)  # outside the tree, as installed
     while not list(out.rglob("result.json")) and process.poll() is None:
         time.sleep(0.002)
     os.kill(process.pid, signal.SIGKILL)
