@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import ndimage, signal
 
 from .frf_observation import Seen
 from .inverse import Observation, count_size, held_mean, second_difference
@@ -248,7 +248,8 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
 
     While the contact bends by less than a count the smoothed readings rest, or step where the axis glides, and the
     plant needs another torque along them than along the motion. So the plant is simulated under the measured torque;
-    only what strays further from the readings than half a count is pulled back. Without counts the smoothed
+    what strays further from the readings than half a count is pulled back, and what does so all the same, because the
+    plant errs, is scaled down to a count. Without counts the smoothed
     position is that motion.
     """
     r, seen, inertia = observation.record, observation.seen_by(plant), plant.driven_inertia
@@ -267,8 +268,12 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
         path=np.interp(np.arange(len(torque)) / _PARTS, np.arange(len(r)), seen.position),
         near=noise.resolution / 2, pull=2 * np.pi * observation.bandwidth,
     )  # fmt: skip
-    moved = motion.position[::_PARTS]
-    return observation.position + (moved - seen.position) if np.isfinite(moved).all() else observation.position
+    strayed = motion.position[::_PARTS] - seen.position
+    if not np.isfinite(strayed).all():
+        return observation.position
+    # Further from the readings than a count for long, it is no motion that the encoder would have read like this.
+    usual = np.sqrt(ndimage.uniform_filter1d(strayed**2, _LONG, mode="nearest"))
+    return observation.position + strayed * np.minimum(noise.resolution / np.maximum(usual, 1e-300), 1.0)
 
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:
