@@ -173,12 +173,15 @@ def diagnose(
     search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
     for k in range(MOST_ROUNDS):
         lower, width = 0.22 + 0.6 * k / MOST_ROUNDS, 0.6 / MOST_ROUNDS
-        if len(search.steps) > MOST_EFFECTS:
+        if len(search.steps) <= MOST_EFFECTS and search.add_one(
+            lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
+        ):
+            continue
+        report(lower, "checking the order")
+        if not search.drop_false():
             break
-        if not search.add_one(lambda done, message, a=lower, b=width: report(a + b * done, message)):  # type: ignore[misc]
-            break
-    report(0.85, "checking the order")
-    search.drop_false()
+    else:
+        search.drop_false()
 
     report(0.9, "scoring the validate records")
     last = search.steps[-1].result

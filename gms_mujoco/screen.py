@@ -39,6 +39,7 @@ _RESONANCES = 10  # frequencies tried over the range of responses
 _TOGETHER = 6  # harmonics that may be added at once
 _STANDS_OUT = 0.2  # of what the others leave of the squared residual, which one more must take
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
+_BLOWN_UP = 10.0  # times its squared residual in the fit: a block that is left out and holds two thirds of an unknown
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -148,9 +149,12 @@ class Screen:
     def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
         """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.
 
-        With one of many a model is hardly better than with none, and where the others act it is worse.
+        With one of many a model is hardly better than with none, and where the others act it is worse. More of a series
+        that is there already need not be most of what is missing.
         """
         assert best.shape is not None and best.weak is not None
+        begun = effect.name in self.plant
+        least = _STANDS_OUT / 4 if begun else _STANDS_OUT
         shape = best.shape
         chosen = [next(t for t in best.tried if t[0] == shape)]
         others = [t for t in best.tried if t[0] != shape]
@@ -161,10 +165,10 @@ class Screen:
                 break
             gains = [_projected(free - basis @ (basis.T @ free), left) for *_, free in others]
             k = int(np.argmax(gains))
-            if gains[k] < _STANDS_OUT * float(left @ left):
+            if gains[k] < least * float(left @ left):
                 break
             chosen.append(others.pop(k))
-        if len(chosen) == 1 or float(left @ left) > _MOSTLY * self._left:
+        if len(chosen) == 1 or (not begun and float(left @ left) > _MOSTLY * self._left):
             return best.weak
         free, columns = np.column_stack([t[3] for t in chosen]), np.column_stack([t[2] for t in chosen])
         strength = -_least_squares(free, self.model.target, (free**2).sum(0) > 0)
@@ -465,8 +469,9 @@ def determined(misfit: Misfit) -> NDArray[np.bool_]:
 def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> HeldOut:
     """What is left of each block of time by a refit without the blocks of its fold.
 
-    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. Squares
-    are divided by the share of the command that the drive delivers, see `Misfit.delivered`.
+    The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. The
+    squares of a block count for at most ten times those that the fit leaves of it. All are divided by the share of the
+    command that the drive delivers, see `Misfit.delivered`.
 
     Args:
         misfit, vector: a problem and its solution.
@@ -489,7 +494,17 @@ def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None
                 best, chosen = seen, there
         rows = np.isin(owner, blocks)
         out[rows] = chosen[rows]
-    return HeldOut(out * model.determined / math.sqrt(misfit.delivered(vector)), misfit.observations)
+    out *= model.determined * np.sqrt(_believed(out * model.determined, model.residual, misfit.observations))[owner]
+    return HeldOut(out / math.sqrt(misfit.delivered(vector)), misfit.observations)
+
+
+def _believed(left: Array, fitted: Array, observations: Sequence[Seen]) -> Array:
+    """(blocks,) share of the squared residual (m,) of a block not seen that is believed, given that of the whole fit.
+
+    What a block alone determines is predicted by chance, and may outweigh all others.
+    """
+    held_out, own = (block_sums(observations, x**2, BLOCK) for x in (left, fitted))
+    return np.minimum(_BLOWN_UP * np.asarray(own) / np.maximum(held_out, 1e-300), 1.0)
 
 
 def _block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compare import Comparison, compare_observations
+from .effect import Effect
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value, scatter
@@ -76,6 +77,7 @@ class Search:
         self.seen, self.select, self.start = list(seen), list(select), start
         self.steps: list[Step] = []
         self.rejected: list[tuple[str, float, Plant]] = []
+        self._false: set[str] = set()  # effects that were added and taken away again
 
     @property
     def held_out(self) -> HeldOut:
@@ -98,7 +100,7 @@ class Search:
         current = self.steps[-1].result
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
-        scored = [c for c in map(screen.candidate, applicable(current.plant, self.seen)) if c is not None]
+        scored = [c for c in map(screen.candidate, self._addable) if c is not None]
         scored.sort(key=lambda c: -c.gain)
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
@@ -128,7 +130,7 @@ class Search:
             (name, result, held_out)
             for name, result, held_out in trials
             if name in passed
-            and self._is_worth_it(result, held_out)
+            and self._is_worth_it(result, held_out, 0.0 if name in self.steps[-1].result.plant else LEAST_SHARE)
             and is_present(result.plant[name])
             and self._selects(result)
         ]
@@ -167,14 +169,15 @@ class Search:
                         self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
         return bent
 
-    def _is_worth_it(self, result: FitResult, held_out: HeldOut) -> bool:
+    def _is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
         """Whether an effect takes a good part of what noise does not explain; at the noise floor, of everything.
 
-        What distorts the torque also raises the noise that a model without it reports: the lower floor counts.
+        What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
+        more harmonic of an effect that is there already, no new cause, asks for no `share`.
         """
         before = self.held_out.total
         floor = 0.0 if self.at_floor else min(_floor(self.steps[-1].result), _floor(result))
-        return bool(before - held_out.total > max(LEAST_SHARE * (before - floor), LEAST_GAIN * before))
+        return bool(before - held_out.total > max(share * (before - floor), LEAST_GAIN * before))
 
     def _beyond_speed(self, name: str, result: FitResult) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
@@ -195,6 +198,11 @@ class Search:
         earned = self._is_worth_it(self.steps[-1].result, left)
         earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
         return 1 - left.total / self.held_out.total if earned else 0.0
+
+    @property
+    def _addable(self) -> list[type[Effect]]:
+        """The effects that could be added to the current plant and have not been found false."""
+        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self._false]
 
     @property
     def _timed(self) -> bool:
@@ -251,11 +259,13 @@ class Search:
         )
         return after < before
 
-    def drop_false(self) -> None:
-        """Takes away again an effect that a later one has made superfluous, or that acts unlike its prediction.
+    def drop_false(self) -> bool:
+        """Takes away again effects that a later one has made superfluous, or that act unlike their prediction.
 
         Only beside all the others can that be seen: what is still missing would count against what was found first.
+        True where there were any: beside the others alone something else may be seen.
         """
+        dropped = False
         while len(self.steps) > 1:
             judged = [(k, *self._against(k)) for k in range(len(self.steps) - 1, 0, -1)]
             idle = [j for j in judged if j[3] > FALSE_DISCOVERY_RATE]
@@ -267,6 +277,9 @@ class Search:
                 self.rejected.append((str(step.effect), step.p_value, self.steps[-1].result.plant))
             kept = [*self.steps[:k], *self.steps[k + 1 :]]
             self.steps = [*kept[:-1], replace(kept[-1], result=without, held_out=held_out)]
+            self._false.add(str(step.effect))
+            dropped = True
+        return dropped
 
     def _against(self, k: int) -> tuple[FitResult, HeldOut, float, float]:
         """The last plant without the effect of step k, what that leaves, and p value and scatter of the effect."""
