@@ -177,7 +177,7 @@ def diagnose(
             lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
         ):
             continue
-        report(lower, "checking the order")
+        report(lower + width, "checking the order")
         if not search.drop_false():
             break
     else:
