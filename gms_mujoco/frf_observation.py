@@ -1,10 +1,10 @@
 """A frequency response as an observation: torque applied beside torque that a plant needs, at every point of it.
 
 A point at (w, U, G) says that the joint moved as |G| U sin(w t + arg G) while the torque was U sin(w t). The effects
-are replayed along that motion until they come back to themselves; the first harmonic of their torque, with the inertial
-one, is what the plant needs, and the first harmonic of what the drive makes of the sine is what was applied. For a
-Maxwell-slip set this is the describing function; it holds for every effect of the catalogue, and for torque-held and
-position-held sweeps alike.
+are replayed along that motion until they come back to themselves (`sines`); the first harmonic of their torque, with
+the inertial one, is what the plant needs, and the first harmonic of what the drive makes of the sine is what was
+applied. For a Maxwell-slip set this is the describing function; it holds for every effect of the catalogue, and for
+torque-held and position-held sweeps alike.
 
 A sinusoidal torque does not move a joint with friction quite sinusoidally: the harmonics of the motion change the
 fundamental by a tenth or more at and below the resonance. They follow from harmonic balance with the plant at hand
@@ -24,13 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .effect import Effect
 from .frf import FRF, join_sines, usable
-from .grid import Grid
-from .harmonics import SAMPLES, balance, fundamental, motion, velocity
+from .harmonics import ORDERS, balance
 from .inverse import Observation
-from .native import Joint
 from .plant import Plant
+from .sines import Sines
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -43,11 +41,10 @@ _QUANTILE = 0.3
 _ALONE = 5.0  # times its deviation, and times what its neighbours are off: a point that stands alone
 _BESIDE = 2  # neighbours on each side
 _SAME = 0.03  # relative distance within which frequencies of two responses are the same
-_MOST_PERIODS = 256  # until a drive effect has come to rest
 
 
 @dataclass(frozen=True)
-class FrfObservation:
+class FrfObservation(Sines):
     """A response from torque to position, with what its points are worth.
 
     Rows stand in pairs, real and imaginary part relative to the phase of the motion, point after point.
@@ -63,11 +60,6 @@ class FrfObservation:
     deviation: Array
     scale: float = 1.0
     extra: Complex | None = None
-
-    has_memory = False  # in the steady state the beginning is forgotten
-    skews = False  # its phase was estimated with torque and position on one clock
-    typical_torque = None  # what is applied is one
-    additive = True  # what an effect needs does not depend on the others
 
     @property
     def name(self) -> str:
@@ -86,11 +78,6 @@ class FrfObservation:
     def sample_time(self) -> float:
         """A time that is short for these data: a twentieth of the shortest period [s]."""
         return 0.05 / self.bandwidth
-
-    @cached_property
-    def index(self) -> NDArray[np.intp]:
-        """(2 n,) the rows."""
-        return np.arange(2 * len(self.frf))
 
     @property
     def determined(self) -> NDArray[np.bool_]:
@@ -118,6 +105,16 @@ class FrfObservation:
         extra = None if self.extra is None else self.extra[keep]
         return replace(self, frf=self.frf.where(keep), deviation=self.deviation[keep], extra=extra)
 
+    @property
+    def frequency(self) -> Array:
+        """(n,) [Hz]."""
+        return self.frf.frequency
+
+    @cached_property
+    def weight(self) -> Array:
+        """(n,) by which a torque becomes a row."""
+        return np.asarray(self.scale / self.deviation)
+
     @cached_property
     def size(self) -> Array:
         """(n,) amplitude of the position [rad]."""
@@ -128,137 +125,12 @@ class FrfObservation:
         """(n,) torque commanded, in the phase of the motion: of a held one what acts like a continuous one [N m]."""
         return np.asarray(self.size / self.frf.response, complex)
 
-    @cached_property
-    def _waves(self) -> tuple[Array, Array]:
-        """(n, samples) the motion and its velocity over one period."""
-        return motion(self.size, self.frf.omega, self.extra)
-
-    @property
-    def position(self) -> Array:
-        """(n samples,) of the motions, one after the other [rad]."""
-        return self._waves[0].ravel()
-
-    @property
-    def velocity(self) -> Array:
-        """(n samples,) [rad/s]."""
-        return self._waves[1].ravel()
-
-    @property
-    def commands(self) -> Array:
-        """(n samples,) torque commanded over one period of each point [N m]."""
-        return np.outer(np.abs(self.torque), np.cos(2 * math.pi * np.arange(SAMPLES) / SAMPLES)).ravel()
-
-    def _rows(self, x: Complex) -> Array:
-        """(..., 2 n) rows that stand for torques (..., n)."""
-        return np.ascontiguousarray(x * (self.scale / self.deviation)).view(float)
-
-    def complex(self, rows: Array) -> Complex:
-        """(n,) the torques that rows (2 n,) stand for [N m]."""
-        pairs = rows.reshape(-1, 2)
-        return np.asarray((pairs[:, 0] + 1j * pairs[:, 1]) * (self.deviation / self.scale), complex)
-
-    @cached_property
-    def acceleration(self) -> Array:
-        """(2 n,) rows of the acceleration."""
-        return self._rows((-self.frf.omega**2 * self.size).astype(complex))
-
-    def applied(self, plant: Plant, skew: float = 0.0) -> Array:
-        """(2 n,) rows of the torque that the drive of `plant` delivered."""
-        return self._rows(self.torque * self.drive_response(plant))
-
-    def drive_response(self, plant: Plant) -> Complex:
-        """(n,) fundamental that the drive delivers over that commanded."""
-        if not plant.drive:
-            return np.ones(len(self.frf), complex)
-        known = self._delivered
-        if plant.drive not in known:
-            if len(known) > 4:  # a fit tries many, one after another and a few at a time
-                known.clear()
-            known[plant.drive] = self._deliver(plant.drive)
-        return known[plant.drive]
-
-    @cached_property
-    def _delivered(self) -> dict[tuple[Effect, ...], Complex]:
-        return {}
-
-    def _deliver(self, drive: tuple[Effect, ...]) -> Complex:
-        out = np.empty(len(self.frf), complex)
-        for i, (f, size) in enumerate(zip(self.frf.frequency, np.abs(self.torque), strict=True)):
-            periods, last = 2, 0j
-            while periods <= _MOST_PERIODS:
-                phase = np.arange(SAMPLES * periods) / SAMPLES
-                torque = size * np.cos(2 * math.pi * phase)
-                for effect in drive:
-                    torque = effect.deliver(phase / f, torque)
-                found = complex(fundamental(torque[None, -SAMPLES:])[0]) / size
-                if abs(found - last) < 1e-6:
-                    break
-                periods, last = 2 * periods, found
-            out[i] = found
-        return out
-
-    def _read(self, plant: Plant) -> tuple[Array, Array, Complex]:
-        """Motion, velocity and fundamental of where the joint was, given the sensor effects of the plant."""
-        sensors = [e for e in plant.effects if e.kind == "sensor"]
-        position, rate = self._waves
-        if not sensors:
-            return position, rate, self.size.astype(complex)
-        at = np.empty_like(position)
-        for i, f in enumerate(self.frf.frequency):
-            at[i] = position[i]
-            for effect in reversed(sensors):
-                at[i] = effect.correct(np.arange(SAMPLES) / (SAMPLES * f), at[i])
-        spectrum = np.fft.rfft(at, axis=1)
-        return at, velocity(spectrum, self.frf.omega), fundamental(at)
-
-    def effects_torque(self, plant: Plant) -> Complex:
-        """(n,) fundamental of the torque of the effects along the motion [N m]."""
-        position, rate, _ = self._read(plant)
-        return fundamental(plant.joint().cycle(1 / self.frf.frequency, position, rate))
-
-    def elements(
-        self, plant: Plant, joint: Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
-    ) -> Array:
-        """(elements, 2 n) rows of the torque of each element of an effect of `joint`, on the motion that `plant` sees.
-
-        Args:
-            effect: its number in the joint.
-        """
-        position, rate, _ = self._read(plant)
-        return self._rows(fundamental(joint.cycle(1 / self.frf.frequency, position, rate, effect)).T)
-
-    def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> None:
-        """None: a motion in closed form has no samples."""
-
-    @property
-    def samples(self) -> None:
-        """None."""
-
-    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, None]:
-        """What `needed` says."""
-        return self.needed(plant), None
-
-    def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
-        """(2 n,) rows of the torque of the effects along the motion."""
-        return self._rows(self.effects_torque(plant))
-
-    def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
-        """(2 n,) rows of the torque that the plant needs along the motion."""
-        return self._rows(self.needed_torque(plant))
-
-    def needed_torque(self, plant: Plant) -> Complex:
-        """(n,) fundamental of the torque that the plant needs along the motion [N m]."""
-        at = self._read(plant)[2]
-        return np.asarray(-plant.driven_inertia * self.frf.omega**2 * at - self.effects_torque(plant), complex)
-
     def settled(self, plant: Plant) -> FrfObservation:
         """The same observation with the harmonics that the motion of `plant` has under a sinusoidal torque.
 
         Where no balance is found the harmonics stay as they were.
         """
-        found = balance(plant.joint(), plant.driven_inertia, self.size, self.frf.omega, self.extra)
-        kept = np.zeros_like(found.extra) if self.extra is None else self.extra
-        return replace(self, extra=np.where(found.good[:, None], found.extra, kept))
+        return settled([self], plant)[0]
 
     def floor(self, rng: np.random.Generator) -> Array:
         """(2 n,) rows that the uncertainty of the response alone leaves, one draw."""
@@ -267,6 +139,61 @@ class FrfObservation:
     def model_response(self, plant: Plant) -> Complex:
         """(n,) response of `plant` at the amplitude of the motion measured: position over torque commanded."""
         return np.asarray(self.size * self.drive_response(plant) / self.needed_torque(plant), complex)
+
+
+@dataclass(frozen=True)
+class Together(Sines):
+    """The points of several observations as those of one, so that a plant makes one pass over all of them.
+
+    Attributes:
+        parts: in the order of the rows.
+    """
+
+    parts: tuple[FrfObservation, ...]
+
+    @cached_property
+    def frequency(self) -> Array:
+        """(n,) [Hz]."""
+        return np.concatenate([o.frequency for o in self.parts])
+
+    @cached_property
+    def size(self) -> Array:
+        """(n,) amplitude of the position [rad]."""
+        return np.concatenate([o.size for o in self.parts])
+
+    @cached_property
+    def torque(self) -> Complex:
+        """(n,) torque commanded [N m]."""
+        return np.concatenate([o.torque for o in self.parts])
+
+    @cached_property
+    def weight(self) -> Array:
+        """(n,) by which a torque becomes a row."""
+        return np.concatenate([o.weight for o in self.parts])
+
+    @cached_property
+    def extra(self) -> Complex | None:
+        """(n, orders) harmonics of the motion [rad]; None: no part has any."""
+        if all(o.extra is None for o in self.parts):
+            return None
+        return np.concatenate(
+            [np.zeros((len(o.frf), len(ORDERS)), complex) if o.extra is None else o.extra for o in self.parts]
+        )
+
+
+def settled(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObservation]:
+    """The observations with the harmonics that the motion of `plant` has under a sinusoidal torque.
+
+    Where no balance is found the harmonics stay as they were.
+    """
+    if not observations:
+        return []
+    all_ = Together(tuple(observations))
+    found = balance(plant.joint(), plant.driven_inertia, all_.size, all_.omega, all_.extra)
+    kept = np.zeros_like(found.extra) if all_.extra is None else all_.extra
+    extra = np.where(found.good[:, None], found.extra, kept)
+    ends = np.cumsum([len(o.frf) for o in observations])[:-1]
+    return [replace(o, extra=x) for o, x in zip(observations, np.split(extra, ends), strict=True)]
 
 
 def relative_deviation(frf: FRF) -> Array:
@@ -320,16 +247,17 @@ def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfOb
 
     What the calculation itself may cost is added to the deviation of each point.
     """
-    out = []
-    for o in observations:
-        found = balance(plant.joint(), plant.driven_inertia, o.size, o.frf.omega)
-        beside = balance(plant.joint(), _DOUBT * plant.driven_inertia, o.size, o.frf.omega, found.extra)
-        error = np.hypot(_MODEL_ERROR * np.abs(found.first), np.abs(found.first - beside.first))
-        good, deviation = found.good & beside.good, np.hypot(o.deviation, error)
-        if not good.any():
-            continue
-        frf = o.frf if good.all() else o.frf.where(good)
-        out.append(replace(o, frf=frf, deviation=deviation[good], extra=found.extra[good]))
+    all_ = Together(tuple(observations))
+    found = balance(plant.joint(), plant.driven_inertia, all_.size, all_.omega)
+    beside = balance(plant.joint(), _DOUBT * plant.driven_inertia, all_.size, all_.omega, found.extra)
+    errors = np.hypot(_MODEL_ERROR * np.abs(found.first), np.abs(found.first - beside.first))
+    out, ends = [], np.cumsum([len(o.frf) for o in observations])[:-1]
+    for o, good, error, extra in zip(
+        observations, *(np.split(x, ends) for x in (found.good & beside.good, errors, found.extra)), strict=True
+    ):
+        if good.any():
+            frf = o.frf if good.all() else o.frf.where(good)
+            out.append(replace(o, frf=frf, deviation=np.hypot(o.deviation, error)[good], extra=extra[good]))
     return out
 
 

@@ -92,6 +92,7 @@ class Observation:
     skews = True  # nobody says that torque and position were read on one clock
     typical_torque = None  # what is applied is one
     additive = True  # what an effect needs does not depend on the others
+    jumps = True  # as an element slips at one sample or the next
 
     @property
     def name(self) -> str:

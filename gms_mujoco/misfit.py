@@ -7,13 +7,13 @@ from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinates
-from .frf_observation import Seen
+from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
 from .inverse import Observation
 from .native import Joint
@@ -63,13 +63,24 @@ class Misfit:
         self.set_steps: Array | None = None
         self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
-        self.observations = tuple(observations)
+        self.observe(observations)
         self.n_memory = template.joint().n_memory if memory else 0
         # Where the states before each observation begin and end; a frequency response has none.
         ends = self.n_memory * np.cumsum([0, *(o.has_memory for o in self.observations)])
         self._states = [(int(a), int(b)) for a, b in pairwise(ends)]
         self.n_skew = 1 if self.coordinates.size and any(o.skews for o in self.observations) else 0
         self.splits = np.cumsum([len(o.index) for o in self.observations])[:-1]
+
+    def observe(self, observations: Sequence[Seen]) -> None:
+        """Sets what is to be explained; frequency responses that follow each other are worked on together."""
+        self.observations = tuple(observations)
+        self._seen: list[tuple[int, Observation | Together]] = []  # each with the number of its first observation
+        for is_frf, group in groupby(enumerate(self.observations), lambda o: isinstance(o[1], FrfObservation)):
+            some = list(group)
+            if is_frf:
+                self._seen.append((some[0][0], Together(tuple(o for _, o in some if isinstance(o, FrfObservation)))))
+            else:
+                self._seen += [(i, o) for i, o in some if not isinstance(o, FrfObservation)]
 
     @property
     def n_common(self) -> int:
@@ -137,7 +148,8 @@ class Misfit:
         """
         x = x.copy()
         plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
-        self.observations = tuple(o.settled(plant) for o in self.observations)
+        frfs = iter(settled([o for o in self.observations if isinstance(o, FrfObservation)], plant))
+        self.observe([next(frfs) if isinstance(o, FrfObservation) else o for o in self.observations])
 
         def one(i: int) -> None:
             memory = self.memory(x, i)  # a view into x
@@ -178,16 +190,17 @@ class Misfit:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
         plant, skew = self._plant(x), self.skew(x)
 
-        def one(i: int) -> tuple[Array, Grid | None]:
-            o, memory = self.observations[i], self.memory(x, i)
-            grid = o.samples if self.set_grids is None else self.set_grids[i]
+        def one(k: int) -> tuple[Array, Grid | None]:
+            i, o = self._seen[k]
+            memory = self.memory(x, i)
+            grid = o.samples if self.set_grids is None else self.set_grids[k]
             if self.coarse or self.set_grids is not None:
                 needed = o.needed(plant, memory, grid)
             else:
                 needed, grid = o.look(plant, memory)
             return o.applied(plant, skew) - needed, grid
 
-        parts = each(one, range(len(self.observations)))
+        parts = each(one, range(len(self._seen)))
         self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
         return np.concatenate([r for r, _ in parts])
 
@@ -197,7 +210,7 @@ class Misfit:
         Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.
         """
         plant, out = self._plant(x), copy(self)
-        out.set_grids = [o.grid(plant, self.memory(x, i), finer) for i, o in enumerate(self.observations)]
+        out.set_grids = [o.grid(plant, self.memory(x, i), finer) for i, o in self._seen]
         out._looked, out._before = (np.empty(0), []), {}
         return out
 
@@ -247,9 +260,9 @@ class Misfit:
         return np.concatenate(after) - np.concatenate(self._before[key])
 
     def _piece(
-        self, i: int, plant: Plant, name: str, x: Array, grid: Grid | None, whole: bool = False, drives: bool = False
+        self, k: int, plant: Plant, name: str, x: Array, grid: Grid | None, whole: bool = False, drives: bool = False
     ) -> Array:
-        """(m,) what of the residual of observation i an effect has a hand in; "" for the inertia.
+        """(m,) what of the residual of piece k an effect has a hand in; "" for the inertia.
 
         Torques of effects add: what a change does can be seen where it acts alone. In a simulated motion they do not.
 
@@ -257,7 +270,7 @@ class Misfit:
             whole: it acts on all others.
             drives: it acts on the torque applied.
         """
-        o = self.observations[i]
+        i, o = self._seen[k]
         part = plant.part(name) if o.additive and not whole else plant
         needed = o.needed(part, self._memory_of(part, x, i), grid)
         return o.applied(plant, self.skew(x)) - needed if drives else -needed
@@ -275,7 +288,7 @@ class Misfit:
         wanted = np.full(self.size, columns is None)
         if columns is not None:
             wanted[columns] = True
-        n, lengths = self.coordinates.size, [len(o.index) for o in self.observations]
+        n, lengths = self.coordinates.size, [len(o.index) for _, o in self._seen]
         out = np.zeros((sum(lengths), self.size))
         steps = self._steps(x) if self.set_steps is None else self.set_steps
         lower, upper = self.bounds
@@ -291,14 +304,14 @@ class Misfit:
             return there, plants[column, step]
 
         here, owners = self._plant(x), self._owners
-        parts, grids = np.split(out, self.splits), self._grids(x)
+        parts, grids = np.split(out, np.cumsum(lengths)[:-1]), self._grids(x)
 
-        def one(i: int) -> None:
-            rows, grid = parts[i], grids[i]
-            o, done = self.observations[i], ~wanted
+        def one(k: int) -> None:
+            rows, grid = parts[k], grids[k]
+            (i, o), done = self._seen[k], ~wanted
             for effect in here.effects:
                 if effect.separable and o.additive:
-                    self._elements(i, effect.name, here, x, grid, steps, rows, done)
+                    self._elements(k, effect.name, here, x, grid, steps, rows, done)
             begin, end = (self.n_common + k for k in self._states[i])
             base: dict[str, Array] = {}
             for column in np.flatnonzero(~done):
@@ -311,16 +324,16 @@ class Misfit:
                 name = owners[column if column < n else n + column - begin]
                 drives = any(e.name == name for e in here.drive)
                 if name not in base:
-                    base[name] = self._piece(i, here, name, x, grid, drives=drives)
+                    base[name] = self._piece(k, here, name, x, grid, drives=drives)
 
                 def slope(step: float, column: int = int(column), name: str = name, drives: bool = drives) -> Array:
                     there, plant = moved(column, step)
-                    after = self._piece(i, plant, name, there, grid, drives=drives)
+                    after = self._piece(k, plant, name, there, grid, drives=drives)
                     return (after - base[name]) / (there[column] - x[column])
 
-                rows[:, column] = _without_jumps(slope, steps[column], bool(both[column]))
+                rows[:, column] = _without_jumps(slope, steps[column], o.jumps and bool(both[column]))
 
-        each(one, range(len(self.observations)))
+        each(one, range(len(self._seen)))
         out[:, ~wanted] = 0
         return out
 
@@ -350,16 +363,16 @@ class Misfit:
         return blocks + [name for name, s in places.items() for _ in range(s.stop - s.start)]
 
     def _elements(
-        self, i: int, name: str, plant: Plant, x: Array, grid: Grid | None, steps: Array, rows: Array,
+        self, k: int, name: str, plant: Plant, x: Array, grid: Grid | None, steps: Array, rows: Array,
         done: NDArray[np.bool_],
     ) -> None:  # fmt: skip
         """Fills in the columns of what belongs to one element of a separable effect, all elements at a time.
 
         Args:
-            rows: (m_i, size) derivatives of observation i.
+            rows: (m_k, size) derivatives of piece k.
             done: which columns need no more work.
         """
-        o, part = self.observations[i], plant.part(name)
+        (i, o), part = self._seen[k], plant.part(name)
         memory = self._memory_of(part, x, i)
         native = [e for e in part.effects if e.is_native]
         number = [e.name for e in native].index(name)
@@ -383,7 +396,7 @@ class Misfit:
                 factor[index] = math.exp(step)
                 return (torque(factor) - base) / step
 
-            found = _without_jumps(slope, float(np.median(np.abs(steps[own]))), True)
+            found = _without_jumps(slope, float(np.median(np.abs(steps[own]))), o.jumps)
             if b.scale == "share":  # log-ratios to the last share
                 share = effect.packed[index]
                 found = (found - share[:, None] * found.sum(0))[:-1]

@@ -107,6 +107,7 @@ class ServoObservation:
     skews = False  # a delay is an effect of its own here
 
     additive = False  # each effect acts on the motion that all of them make
+    jumps = True
 
     @property
     def name(self) -> str:

@@ -119,4 +119,6 @@ const gms::Effect gms_effect_backlash = {
     recall,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

@@ -33,4 +33,6 @@ const gms::Effect gms_effect_coulomb = {
     recall,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

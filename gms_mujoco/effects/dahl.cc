@@ -49,4 +49,6 @@ const gms::Effect gms_effect_dahl = {
     recall,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

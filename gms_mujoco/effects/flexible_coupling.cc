@@ -37,4 +37,6 @@ const gms::Effect gms_effect_flexible_coupling = {
     nullptr,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

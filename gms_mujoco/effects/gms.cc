@@ -100,4 +100,5 @@ const gms::Effect gms_effect_gms = {
     nullptr,
     torque,
     element,
+    true,
 };

@@ -51,4 +51,6 @@ const gms::Effect gms_effect_lugre = {
     recall,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

@@ -23,4 +23,6 @@ const gms::Effect gms_effect_quadratic_drag = {
     nullptr,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

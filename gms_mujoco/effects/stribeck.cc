@@ -37,4 +37,6 @@ const gms::Effect gms_effect_stribeck = {
     recall,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

@@ -22,4 +22,6 @@ const gms::Effect gms_effect_viscous = {
     nullptr,
     nullptr,
     torque,
+    nullptr,
+    true,
 };

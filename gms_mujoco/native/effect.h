@@ -85,6 +85,11 @@ struct Effect {
   // Torque of element i, from the state that `torque` has written. Only where no element knows of the others, each has
   // one unknown of memory, and their torques add up to that of the effect; else null.
   double (*element)(const double* state, int i) = nullptr;
+
+  // Whether everything it does turns round with the motion: of the motion and the state with the other sign, torque and
+  // state with the other sign, whatever the parameters and wherever the joint stands. Of a periodic motion that is
+  // alike in both directions half is then enough.
+  bool turns_round = false;
 };
 
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per
