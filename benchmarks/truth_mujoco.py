@@ -71,7 +71,7 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     where, mass = "0 0 0", 1e-6
     if (g := hidden.get("gravity")) is not None:
         options = 'gravity="0 0 -9.81"'
-        arm = 0.01  # m
+        arm = 0.001  # m
         mass = g["torque"] / 9.81 / arm
         where = f"{arm * math.cos(g['phase'])} 0 {arm * math.sin(g['phase'])}"
         own -= mass * arm**2
