@@ -20,6 +20,7 @@ from .held_out import p_value
 from .inverse import Observation
 from .observe import observe
 from .plant import Plant
+from .recheck import drop_false, drop_late, exchange
 from .remainder import describe
 from .screen import Screen
 from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step
@@ -176,12 +177,14 @@ def diagnose(
         if len(search.steps) <= MOST_EFFECTS and search.add_one(
             lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
         ):
+            exchange(search)
             continue
         report(lower + width, "checking the order")
-        if not search.drop_false():
+        if not drop_false(search):
             break
     else:
-        search.drop_false()
+        drop_false(search)
+    late = drop_late(search)
 
     report(0.9, "scoring the validate records")
     last = search.steps[-1].result
@@ -198,7 +201,7 @@ def diagnose(
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    found = _conclude(steps, rejected, floor, search)
+    found = _conclude(steps, rejected, floor, search, late)
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
@@ -206,13 +209,17 @@ def diagnose(
     return found
 
 
-def _conclude(steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search) -> Diagnosis:
+def _conclude(
+    steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, late: str
+) -> Diagnosis:
     last = steps[-1].result
     at_floor = search.at_floor and _holds([s.comparison for s in steps if s.comparison is not None])
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
-    said = () if at_floor else (describe(last.misfit, last.vector), _other_law(last), _other_curve(search))
-    remainder = ", ".join(filter(None, said))
+    remainder = ""
+    if not at_floor:
+        said = (describe(last.misfit, last.vector), late, search.hint, _other_law(last), _other_curve(search))
+        remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
     if confusable:

@@ -14,6 +14,7 @@ from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, resca
 from .inverse import Observation
 from .noise import choose_bandwidth, estimate_noise, rough_inertia
 from .plant import Plant
+from .plausible import filled
 from .record import Record
 
 _LEAST_DEVIATION = 3e-3  # of the torque in records: no model of one is better
@@ -28,8 +29,9 @@ def observe(
     """Records and frequency responses as observations of one fit, each weighed by its uncertainty.
 
     Args:
-        data: in any order; records come first in the result. Beside others, a response that cannot be used (no
-            amplitude, many frequencies at once, not from torque) is left out.
+        data: in any order; records come first in the result, readings that were held filled in (`plausible.filled`).
+            Beside others, a response that cannot be used (no amplitude, many frequencies at once, not from torque) is
+            left out.
         inertia: [kg m^2]; None: unknown.
         bandwidth: of the records [Hz]; None: chosen from their noise.
         plant: what is known of the axis, every parameter set, for the harmonics of its motion under a sinusoidal
@@ -38,7 +40,7 @@ def observe(
     Raises:
         DataError: there is nothing to look at, or no response can be used and why.
     """
-    records = [d for d in data if isinstance(d, Record)]
+    records = [filled(d)[0] for d in data if isinstance(d, Record)]
     frfs, refused = [], []
     for d in data:
         if isinstance(d, FRF):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ _SLOW = 0.2  # s; nobody controls a joint at longer samples
 _OFF = 5.0  # times an inertia: more than a wrong guess
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
+_CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
+_JUMP = 0.6  # of one distance to another, that are taken to be the same
+_OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
 
 
@@ -57,6 +61,39 @@ def unwrapped(position: Array, what: str = "position") -> tuple[Array, str | Non
     return smooth, f"{what} jumps by a whole revolution at {int(jumps.sum())} samples: unwrapped"
 
 
+def filled(record: Record) -> tuple[Record, int]:
+    """The record with positions in the place of readings that were held, and how many were.
+
+    A bus that loses a frame, or an encoder that drops out, repeats its last reading while the axis moves on, and then
+    catches up in one sample what the axis has gone in several, which no mass can do. The motion before and after, a
+    polynomial of third degree, says where the axis was. Where the axis rests nothing is changed, nor where every few
+    readings are repeated.
+    """
+    q = record.position.copy()
+    least = _CAUGHT_UP * (record.resolution or 0.0)
+    still = np.concatenate([[False], np.diff(q) == 0, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    held = 0
+    for first, last in zip(edges[::2] + 1, edges[1::2] + 1, strict=True):  # repeat the one before; `last` is new
+        n = int(last - first)
+        wide = max(2 * n, 8)
+        if first - 1 < wide or last + wide >= len(q):
+            continue
+        before, after = q[first - 1 - wide : first], q[last : last + wide + 1]
+        caught_up = q[last] - q[first - 1]
+        usual = (n + 1) * (before[-1] - before[0] + after[-1] - after[0]) / (2 * wide)
+        pace = max(np.median(np.abs(np.diff(before))), np.median(np.abs(np.diff(after))))
+        if abs(caught_up) > max(least, pace / _JUMP) and usual and _JUMP < caught_up / usual < 1 / _JUMP:
+            t = (np.arange(first - 1 - wide, last + wide + 1) - first) / wide
+            known = np.abs(t - (n - 1) / (2 * wide)) > n / (2 * wide)
+            curve = np.polyfit(t[known], np.concatenate([before, after]), 3)
+            q[first:last] = np.polyval(curve, t[~known])
+            held += n
+    if not held or held > _OFTEN * len(q):
+        return record, 0
+    return replace(record, signals={**record.signals, "position": q}), held
+
+
 def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[str]:
     """What a user may want to know before trusting a result, one sentence each.
 
@@ -74,6 +111,10 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     if longest.sample_time > _SLOW:
         said.append(f"{longest.name}: samples are {longest.sample_time:g} s apart; if its time is in milliseconds, say "
                     'units = { time = "ms" }')
+    for r in records:
+        if n := filled(r)[1]:
+            said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
+                        "filled in")
     fitted = [r for r in records if r.use == "fit"]
     if fitted and sum(map(len, fitted)) < _FEW:
         said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "

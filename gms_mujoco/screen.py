@@ -49,15 +49,17 @@ class Candidate:
 
     Attributes:
         effect: with the values from which a joint fit starts.
-        strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         gain: share of the squared residual that it explains, after a joint linear refit.
         held_out: what is left of each block, predicted without that block.
+        strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
+        columns: (m, k) what it does to the residual.
     """
 
     effect: Effect
     gain: float
     held_out: HeldOut
     strong: Effect | None = None
+    columns: Array | None = None
 
 
 @dataclass
@@ -134,7 +136,12 @@ class Screen:
         gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
         share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
-        return Candidate(started, share, self._predicted(columns, self._kept(started)), strong)
+        return Candidate(started, share, self._predicted(columns, self._kept(started)), strong, columns)
+
+    def together(self, one: Candidate, other: Candidate) -> HeldOut:
+        """What two candidates leave of each block, predicted without that block."""
+        both = [c.columns for c in (one, other) if c.columns is not None]
+        return self._predicted(np.column_stack(both), self._kept(one.effect) * self._kept(other.effect))
 
     def _predicted(self, columns: Array | None, kept: float) -> HeldOut:
         """What is left of each block with some columns more, for a drive that delivers everything."""
@@ -208,6 +215,17 @@ class Screen:
             if np.isfinite(gain) and (best.strong is None or gain > best.strong[0]):
                 best.strong = gain, trial, change
 
+    def at(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Effect, Array, HeldOut] | None:
+        """An effect of one shape as strong as in a linear refit; what it does to the residual (m,), and what is left of
+        each block not seen. None where it cannot be seen."""
+        columns, names = self._tangents(effect, shape)
+        free = self.model.without(columns)
+        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        if not seen.any():
+            return None
+        strength = -_least_squares(free, self.model.target, seen)
+        return _started(effect, shape, names, strength, self.scales), columns @ strength, self._predicted(columns, 1.0)
+
     def shape(self, torque: Array) -> tuple[float, float, HeldOut]:
         """Gain, strength, and what is left of each block not seen, of a torque (m,) that has one strength."""
         columns = (torque * self.model.determined)[:, None]
@@ -270,6 +288,11 @@ def is_present(effect: Effect) -> bool:
     """Whether an effect is more than a name: its first strength, which it is named for, has not vanished."""
     first = strengths(type(effect))[:1]
     return all(np.any(np.abs(np.asarray(effect.values[p.name])) > 1e-12) for p in first)
+
+
+def absent(effect: Effect) -> Effect:
+    """The effect at strengths of zero."""
+    return effect.replace(**{p.name: 0 * np.asarray(effect.values[p.name]) for p in strengths(type(effect))})
 
 
 def has_phase(effect: type[Effect]) -> bool:

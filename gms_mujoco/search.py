@@ -6,20 +6,33 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import effects
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
-from .held_out import HeldOut, p_value, scatter
+from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
-from .screen import Candidate, LinearModel, Screen, applicable, cross_validated, determined, is_present, joined
+from .reading import TorqueReading, rung
+from .screen import (
+    Candidate,
+    LinearModel,
+    Screen,
+    absent,
+    applicable,
+    cross_validated,
+    determined,
+    is_present,
+    joined,
+)
 from .speed_curve import curve
 
 Array = NDArray[np.float64]
@@ -30,16 +43,25 @@ FALSE_DISCOVERY_RATE = 0.01
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
-MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
+_LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+
+
+class Trial(NamedTuple):
+    """A joint fit with one effect more, and what it leaves of each block by a fit without it."""
+
+    name: str
+    result: FitResult
+    held_out: HeldOut
 
 
 @dataclass(frozen=True)
@@ -54,6 +76,7 @@ class Step:
         confusable_with: effects that these records cannot tell from the one added.
         p_value: of the fall of the error on held-out blocks.
         held_out: what is left of each block of the fit records by a fit without it.
+        others: fits with another effect in its place, which earned it as well.
     """
 
     effect: str | None
@@ -63,6 +86,7 @@ class Step:
     p_value: float = float("nan")
     held_out: HeldOut = field(default_factory=lambda: HeldOut(np.empty(0), ()), repr=False)
     evidence: str = ""
+    others: tuple[Trial, ...] = field(default=(), repr=False)
 
     @property
     def validate_error(self) -> float | None:
@@ -77,7 +101,8 @@ class Search:
         self.seen, self.select, self.start = list(seen), list(select), start
         self.steps: list[Step] = []
         self.rejected: list[tuple[str, float, Plant]] = []
-        self._false: set[str] = set()  # effects that were added and taken away again
+        self.false: set[str] = set()  # effects that were added and taken away again
+        self.hint = ""  # what explains more than anything in the catalogue
 
     @property
     def held_out(self) -> HeldOut:
@@ -110,42 +135,159 @@ class Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *self._tried(current, c)))
+        rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
         rough.sort(key=lambda t: _left(t[1], t[2]))
-        trials: list[tuple[str, FitResult, HeldOut]] = []
-        for i, (name, misfit, x) in enumerate(_finalists(current, rough)):
+        trials: list[Trial] = []
+        best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
+        for i, (name, misfit, x) in enumerate(_finalists(current, best)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
             if i == 0 and result.error > AT_FLOOR * result.floor:
-                result = min(result, self._afresh(result.plant, name), key=_error)
-            trials.append((name, result, cross_validated(result.misfit, result.vector)))
+                result = min(result, self.afresh(result.plant), key=_error)
+            trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
-        p_values |= {name: max(p_value(self.held_out, h), self._beyond_speed(name, r)) for name, r, h in trials}
+        p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
         plants |= {name: r.plant for name, r, _ in trials}
+        self.hint = ""
+        if self._reads_a_ring(trials):
+            swinging = [name for name, plant in plants.items() if _swings(plant[name])]
+            p_values |= dict.fromkeys(swinging, 1.0)
+            promising = [c for c in promising if c.effect.name not in swinging]
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
-        return self._accept(trials, p_values)
+        if self._accept(trials, p_values):
+            return True
+        new = [c for c in promising if c.effect.name not in current.plant]
+        fits = {name: (misfit, x) for name, misfit, x in reversed(rough)}
+        return self._accept_two(screen, new, fits, trials, p_values)
 
-    def _accept(self, trials: Sequence[tuple[str, FitResult, HeldOut]], p_values: dict[str, float]) -> bool:
+    def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
+        """Whether a torque reading that rings explains more than an axis of which a part swings; says so in `hint`."""
+        swinging = [
+            t.held_out.total
+            for t in trials
+            if _swings(t.result.plant[t.name])
+            and t.result.error > AT_FLOOR * t.result.floor
+            and self._is_worth_it(t.result, t.held_out)
+        ]
+        if not swinging or not all(isinstance(o, Observation) for o in self.seen):
+            return False
+        now = self.steps[-1].result
+        reading = rung(now.misfit, now.vector)
+        if reading is None:
+            return False
+        left = cross_validated(*reading).total
+        if left > min(swinging):
+            return False
+        misfit, x = reading
+        period = misfit.coordinates.decode(x[: misfit.coordinates.size])[TorqueReading.name].values["period"]
+        share = 1 - left / self.held_out.total
+        self.hint = (
+            f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
+            f"compliance does ({100 * share:.0f} % of the square)"
+        )
+        return True
+
+    def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
+        now = self.steps[-1]
         earned = [
-            (name, result, held_out)
-            for name, result, held_out in trials
-            if name in passed
-            and self._is_worth_it(result, held_out, 0.0 if name in self.steps[-1].result.plant else LEAST_SHARE)
-            and is_present(result.plant[name])
-            and self._selects(result)
+            t
+            for t in trials
+            if t.name in passed
+            and self._is_worth_it(t.result, t.held_out, 0.0 if t.name in now.result.plant else LEAST_SHARE)
+            and carries(t.name, now.result, t.result)
+            and self._selects(t.result)
         ]
         if not earned:
             return False
-        chosen, others = simplest([t[2] for t in earned], [t[1].misfit.coordinates.size for t in earned])
+        chosen, others = simplest([t.held_out for t in earned], [t.result.misfit.coordinates.size for t in earned])
         name, result, held_out = earned[chosen]
-        confusable = tuple(earned[i][0] for i in others)
+        confusable = tuple(earned[i].name for i in others)
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
-            self.steps[-1] = replace(self.steps[-1], result=result, held_out=held_out)
+            self.steps[-1] = replace(now, result=result, held_out=held_out)
         else:
-            self.steps.append(Step(name, result, None, confusable, p_values[name], held_out))
+            rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
+            self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
         if self._bend():  # what was chosen beside the wrong curve is chosen again
             self.first(lambda done, message: None)
         return True
+
+    def _accept_two(
+        self,
+        screen: Screen,
+        candidates: Sequence[Candidate],
+        fits: dict[str, tuple[Misfit, Array]],
+        trials: Sequence[Trial],
+        p_values: dict[str, float],
+    ) -> bool:
+        """Adds two effects at once, of which neither stands out while the other is missing; False where none do.
+
+        Each must earn its place beside the other. Every two that are looked at count among the discoveries.
+
+        Args:
+            screen: of the current plant.
+            candidates: to take them from.
+            fits: a rough joint fit with each.
+            trials: whole fits with some of them.
+            p_values: of each effect alone.
+        """
+        if self.at_floor or len(self.steps) >= MOST_EFFECTS:
+            return False
+        now = self.steps[-1]
+        found: dict[str, tuple[float, HeldOut, Candidate, Candidate]] = {}
+        for one, other in itertools.combinations(candidates, 2):
+            both, alone = screen.together(one, other), min((one, other), key=lambda c: c.held_out.total)
+            p = max(p_value(c.held_out, both) for c in (one, other))
+            found[f"{one.effect.name} and {other.effect.name}"] = p, both, alone, other if alone is one else one
+        p_values = p_values | {k: p for k, (p, *_) in found.items()}
+        passed = discoveries(p_values)
+        floor = _floor(now.result)
+        worth = [
+            (both.total, k, alone, other)
+            for k, (_, both, alone, other) in found.items()
+            if k in passed and _takes(alone.held_out.total, both.total, floor)
+        ]
+        if not worth:
+            return False
+        _, label, alone, other = min(worth, key=lambda t: t[0])
+        first, second = alone.effect.name, other.effect.name
+
+        def whole(name: str) -> FitResult:
+            for t in trials:
+                if t.name == name:
+                    return t.result
+            misfit, x = fits[name]
+            return refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+
+        base = whole(first)
+        misfit, x = self._tried(base, other)
+        result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+        if result.error > AT_FLOOR * result.floor:
+            result = min(result, self.afresh(result.plant), key=_error)
+        held_out = cross_validated(result.misfit, result.vector)
+        singles = []
+        for name, left in ((first, second), (second, first)):
+            single = min(whole(name), refine(*without(result, left)), key=_error)
+            singles.append(Trial(name, single, cross_validated(single.misfit, single.vector)))
+        beside = list(zip(singles, (second, first), strict=True))
+        beside_p = [self._beside(s.result, s.held_out, Trial(n, result, held_out)) for s, n in beside]
+        floor = min(floor, _floor(result))
+        earned = (
+            label in discoveries(p_values | {label: max(beside_p)})
+            and all(_takes(s.held_out.total, held_out.total, floor) for s in singles)
+            and all(carries(n, s.result, result) for s, n in beside)
+            and self._selects(result)
+        )
+        if earned:
+            self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
+            self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
+            if self._bend():
+                self.first(lambda done, message: None)
+        return earned
+
+    def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
+        """p value of an effect that was added to a fit."""
+        return max(p_value(before, trial.held_out), self._beyond_speed(base, trial.name, trial.result))
 
     def _bend(self) -> bool:
         """Gives the Stribeck curve another exponent, which no fit frees, where friction over speed asks for it."""
@@ -175,11 +317,10 @@ class Search:
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
         more harmonic of an effect that is there already, no new cause, asks for no `share`.
         """
-        before = self.held_out.total
         floor = 0.0 if self.at_floor else min(_floor(self.steps[-1].result), _floor(result))
-        return bool(before - held_out.total > max(share * (before - floor), LEAST_GAIN * before))
+        return _takes(self.held_out.total, held_out.total, floor, share)
 
-    def _beyond_speed(self, name: str, result: FitResult) -> float:
+    def _beyond_speed(self, base: FitResult, name: str, result: FitResult) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
 
         What a sensor reads wrong is the speed of friction too.
@@ -187,7 +328,7 @@ class Search:
         effect = result.plant[name]
         if not (effect.modulates or effect.kind == "sensor") or not self._timed:
             return 0.0
-        return p_value(_with_curve(self.steps[-1].result), _with_curve(result))
+        return p_value(_with_curve(base), _with_curve(result))
 
     @property
     def bent(self) -> float:
@@ -202,14 +343,14 @@ class Search:
     @property
     def _addable(self) -> list[type[Effect]]:
         """The effects that could be added to the current plant and have not been found false."""
-        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self._false]
+        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.false]
 
     @property
     def _timed(self) -> bool:
         """Whether anything was measured in time, and so at some speed."""
         return any(isinstance(o, Observation) for o in self.seen)
 
-    def _settle_for(self, trials: Sequence[tuple[str, FitResult, HeldOut]]) -> None:
+    def _settle_for(self, trials: Sequence[Trial]) -> None:
         """Lets the current plant keep what a trial found for it.
 
         A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
@@ -217,7 +358,7 @@ class Search:
         """
         for name, result, held_out in trials[:1]:
             if name not in self.steps[-1].result.plant and self._is_worth_it(result, held_out):
-                alone = refine(*_without(result, name))
+                alone = refine(*without(result, name))
                 if alone.error < self.steps[-1].result.error:
                     again = cross_validated(alone.misfit, alone.vector)
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
@@ -236,19 +377,44 @@ class Search:
             fits.append((misfit, nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))))
             if candidate.strong:
                 strong = candidate.strong.replace(**form)
-                fits.append(rough_fit(self._fresh(plant.replace(strong), strong.name), some))
+                fits.append(rough_fit(self._fresh(plant.replace(strong)), some))
         return min(fits, key=lambda t: t[0].cost(t[1]))
 
-    def _fresh(self, near: Plant, name: str) -> Plant:
-        """The first plant, not fitted, with the effects added so far and one more as they stand in `near`."""
+    def _limit(
+        self, current: FitResult, special: str, general: str, rough: Sequence[tuple[str, Misfit, Array]]
+    ) -> list[tuple[str, Misfit, Array]]:
+        """A rough joint fit with the limit of an effect that was tried, from where that one came to; none without it.
+
+        What a resonance is seen by is narrow, and no grid of frequencies as fine: a contact that knocks finds it.
+        """
+        if special in current.plant:
+            return []
+        out = []
+        for name, misfit, x in rough:
+            if name == general:
+                plant = misfit.coordinates.decode(x[: misfit.coordinates.size])
+                effect = effects.find(special)
+                values = {p.name: plant[name].values[p.name] for p in effect.parameters}
+                plant = plant.without(name) + effect(None, **values)
+                near = Misfit(plant, misfit.observations)
+                memories = current.misfit.memories(current.vector, near.n_memory)
+                out.append((special, near, nudge(near, near.vector(plant, memories, misfit.skew(x)))))
+        return out
+
+    def _fresh(self, near: Plant) -> Plant:
+        """The first plant, not fitted, with what was added to it as it stands in `near`."""
+        added = {s.effect for s in self.steps}
         fresh = self.start
-        for added in dict.fromkeys((*(s.effect for s in self.steps if s.effect), name)):
-            fresh = fresh.replace(near[added]) if added in fresh else fresh + near[added]
+        for e in near.effects:
+            if e.name not in self.start:
+                fresh = fresh + e
+            elif e.name in added:
+                fresh = fresh.replace(e)
         return fresh
 
-    def _afresh(self, near: Plant, name: str) -> FitResult:
+    def afresh(self, near: Plant) -> FitResult:
         """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
-        return fit_observations(self._fresh(near, name), self.seen)
+        return fit_observations(self._fresh(near), self.seen)
 
     def _selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
@@ -259,41 +425,6 @@ class Search:
         )
         return after < before
 
-    def drop_false(self) -> bool:
-        """Takes away again effects that a later one has made superfluous, or that act unlike their prediction.
-
-        Only beside all the others can that be seen: what is still missing would count against what was found first.
-        True where there were any: beside the others alone something else may be seen.
-        """
-        dropped = False
-        while len(self.steps) > 1:
-            judged = [(k, *self._against(k)) for k in range(len(self.steps) - 1, 0, -1)]
-            idle = [j for j in judged if j[3] > FALSE_DISCOVERY_RATE]
-            k, without, held_out, _, most = idle[0] if idle else max(judged, key=lambda j: j[4])
-            if not idle and most <= MOST_SCATTER:
-                break
-            step = self.steps[k]
-            if not idle:
-                self.rejected.append((str(step.effect), step.p_value, self.steps[-1].result.plant))
-            kept = [*self.steps[:k], *self.steps[k + 1 :]]
-            self.steps = [*kept[:-1], replace(kept[-1], result=without, held_out=held_out)]
-            self._false.add(str(step.effect))
-            dropped = True
-        return dropped
-
-    def _against(self, k: int) -> tuple[FitResult, HeldOut, float, float]:
-        """The last plant without the effect of step k, what that leaves, and p value and scatter of the effect."""
-        last, name = self.steps[-1], self.steps[k].effect
-        assert name is not None
-        result, held_out = self.steps[-2].result, self.steps[-2].held_out
-        if {e.name for e in result.plant.effects} != {e.name for e in last.result.plant.effects} - {name}:
-            result = refine(*_without(last.result, name))
-            held_out = cross_validated(result.misfit, result.vector)
-        floor = last.result.floor_rows / math.sqrt(last.result.misfit.delivered(last.result.vector))
-        # What the fits leave, not what they predict: a block that alone determines an unknown is predicted by chance.
-        uneven = scatter(_residual(result), _residual(last.result), floor)
-        return result, held_out, p_value(held_out, last.held_out), uneven
-
 
 def _with_curve(result: FitResult) -> HeldOut:
     """What a linear refit leaves whose friction is any function of speed, see `speed_curve`."""
@@ -303,12 +434,30 @@ def _with_curve(result: FitResult) -> HeldOut:
     return HeldOut(model.held_out(columns) / np.sqrt(misfit.delivered(x)), misfit.observations)
 
 
-def _without(result: FitResult, name: str) -> tuple[Misfit, Array]:
+def without(result: FitResult, name: str) -> tuple[Misfit, Array]:
+    """The problem of a fit without one effect, and where to start."""
     plant = result.plant.without(name)
     misfit = Misfit(plant, result.misfit.observations)
     if misfit.n_memory == result.misfit.n_memory:
         return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
     return misfit, misfit.vector(plant)
+
+
+def carries(name: str, before: FitResult, after: FitResult) -> bool:
+    """Whether an effect does what was gained with it: at a strength of zero, all else as it is, most is lost again.
+
+    The rest of a plant may have found a better place, or a form that acts on others, at the side of an effect that does
+    next to nothing.
+    """
+    effect = after.plant[name]
+    if not is_present(effect):
+        return False
+    idle = after.plant.replace(absent(effect))
+    misfit = Misfit(idle, after.misfit.observations)
+    memories = after.misfit.memories(after.vector, misfit.n_memory)
+    left = _left(misfit, misfit.vector(idle, memories, after.misfit.skew(after.vector)))
+    gained = _left(before.misfit, before.vector) - _left(after.misfit, after.vector)
+    return left - _left(after.misfit, after.vector) > _CARRIED * gained
 
 
 def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
@@ -326,11 +475,21 @@ def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -
     return [*rough[:most], *itertools.islice(simpler, 1)]
 
 
+def _swings(effect: Effect) -> bool:
+    """Whether an effect is a part of the mechanism that swings at a frequency of its own."""
+    return effect.kind == "mechanics" and any(p.unit == "Hz" for p in effect.parameters)
+
+
+def _takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:
+    """Whether a good part of the squared error that is not noise is gone."""
+    return bool(before - after > max(share * (before - floor), LEAST_GAIN * before))
+
+
 def _error(result: FitResult) -> float:
     return result.error
 
 
-def _residual(result: FitResult) -> HeldOut:
+def residual_of(result: FitResult) -> HeldOut:
     """What a fit leaves where the motion determines friction, for a drive that delivers everything."""
     misfit = result.misfit
     rows = misfit.residual(result.vector) * determined(misfit)

@@ -1,6 +1,7 @@
 """Logs in odd shapes: what is harmless is put right and said, what cannot be right is refused or pointed out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
+from gms_mujoco.plausible import filled
 from gms_mujoco.record import Record
 from gms_mujoco.simulate import simulate
 
@@ -106,3 +108,35 @@ def test_few_samples_are_called_few(tmp_path: Path) -> None:
 def test_more_inertia_behind_a_coupling_than_there_is_leaves_no_forward_simulation() -> None:
     too_much = PLANT + effects.find("flexible_coupling")(inertia=0.03, frequency=8.0)
     assert np.isnan(compare(too_much, [RUN]).simulation_error)
+
+
+def held(run: Record, starts: range, samples: int) -> tuple[Record, np.ndarray]:
+    """The run with its encoder holding its reading now and then, and (n,) where."""
+    position, where = run.position.copy(), np.zeros(len(run), bool)
+    for start in starts:
+        position[start : start + samples] = position[start - 1]
+        where[start : start + samples] = True
+    return replace(run, signals={**run.signals, "position": position}), where
+
+
+@pytest.mark.parametrize("samples", [2, 9])
+def test_readings_that_were_held_while_the_axis_moves_are_put_where_it_was(samples: int) -> None:
+    broken, where = held(RUN, range(200, 2800, 170), samples)
+    mended, n = filled(broken)
+    off, left = (np.abs(r.position - RUN.position) for r in (broken, mended))
+    assert n > 0 and not np.any(left[~where])  # what was read is kept
+    assert left[where].max() < 0.15 * off[where].max()
+
+
+def test_an_axis_that_rests_or_an_encoder_that_is_slow_is_left_alone(tmp_path: Path) -> None:
+    slow, _ = held(RUN, range(4, 2996, 4), 3)
+    sticking = measured(PLANT.replace(effects.find("coulomb")(coulomb=2.0)), rms=2.0)  # moves now and then
+    assert np.mean(np.diff(sticking.position) == 0) > 0.1
+    for run in (RUN, sticking, slow):
+        assert filled(run) == (run, 0)
+
+
+def test_readings_that_were_held_are_told(tmp_path: Path) -> None:
+    broken, _ = held(RUN, range(200, 2800, 170), 9)
+    note = next(n for n in logged(tmp_path, run=broken).notes if "repeats its last reading" in n)
+    assert "filled in" in note

@@ -1,0 +1,73 @@
+"""A torque reading that rings: what an effect of the mechanism has to beat that rings itself.
+
+A sensor between drive and axis swings on its own compliance: of a torque tau it shows u, with u'' / w^2 + 2 zeta / w u'
++ u = tau. Beside such a reading the axis looks as if a part of it swung. But friction comes through a sensor filtered
+too, and through a coupling it does not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .effect import Effect
+from .least_squares import nudge
+from .misfit import Misfit
+from .parameter import Parameter
+from .screen import LinearModel
+from .tall import gram
+
+Array = NDArray[np.float64]
+
+_LAG, _PERIOD = 1e-4, 1e-3  # s, at which the slopes are taken
+_LONGEST = 0.1  # s, of a period by 2 pi
+
+
+class TorqueReading(Effect):
+    """The torque behind a reading that rings, tau = u + b u' + u'' / w^2; no effect that could be added."""
+
+    name = "torque_reading"
+    kind = "drive"
+    doc = "Second-order sensor of the torque."
+    signature = "What is read rings after each step of the torque."
+    experiment = "A step of torque on a locked joint."
+    parameters = (
+        Parameter("lag", "s", 0.0, doc="b = 2 zeta / w"),
+        Parameter("period", "s", 0.0, lower=0.0, upper=_LONGEST, doc="1 / w"),
+    )
+
+    def deliver(self, time: Array, command: Array) -> Array:
+        if len(time) < 3:
+            return command
+        step = (time[-1] - time[0]) / (len(time) - 1)
+        rate = np.gradient(command, step)
+        lag, period = float(self.values["lag"]), float(self.values["period"])  # type: ignore[arg-type]
+        return command + lag * rate + period**2 * np.gradient(rate, step)
+
+
+def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:
+    """The same plant, roughly fitted to the torque behind a reading that rings; None where it does not look like one.
+
+    Args:
+        misfit, x: a problem and its solution.
+    """
+    residual = misfit.residual(x)
+    model = LinearModel(misfit, x, residual)
+    trials = [_joined(misfit, x, TorqueReading(lag=_LAG)), _joined(misfit, x, TorqueReading(period=_PERIOD))]
+    columns = np.stack([m.residual(there) - residual for m, there in trials], 1) * model.determined[:, None]
+    free = model.without(columns)
+    size = np.sqrt((free**2).sum(0)).clip(1e-300)
+    lag, square = -np.linalg.lstsq(gram(free / size, free / size), gram(free / size, model.target))[0] / size
+    if square <= 0:
+        return None
+    period = _PERIOD * math.sqrt(square)
+    near, there = _joined(misfit, x, TorqueReading(lag=_LAG * lag, period=min(period, _LONGEST)))
+    return near, nudge(near, there)
+
+
+def _joined(misfit: Misfit, x: Array, effect: Effect) -> tuple[Misfit, Array]:
+    plant = misfit.coordinates.decode(x[: misfit.coordinates.size]) + effect
+    near = Misfit(plant, misfit.observations)
+    return near, near.vector(plant, misfit.memories(x, near.n_memory), misfit.skew(x))

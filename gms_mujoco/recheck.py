@@ -1,0 +1,193 @@
+"""What was found is looked at again, now that what stood beside it is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import effects
+from .fit import FitResult, refine
+from .held_out import HeldOut, p_value, scatter
+from .misfit import Misfit
+from .plant import Plant
+from .screen import Screen, cross_validated
+from .search import AT_FLOOR, FALSE_DISCOVERY_RATE, Search, Step, Trial, carries, residual_of, simplest, without
+
+Array = NDArray[np.float64]
+
+MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
+_LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
+_IN_QUADRATURE = math.cos(math.radians(25))
+
+
+def exchange(search: Search) -> None:
+    """Tries in the place of each earlier effect the others that earned it as well.
+
+    What was still missing when they were compared may have made one look like the other, or better. At the noise floor
+    only those are tried that could not be told apart.
+    """
+    for k in range(1, len(search.steps) - 1):
+        if k >= len(search.steps) - 1:
+            break
+        step, last = search.steps[k], search.steps[-1]
+        assert step.effect is not None
+        others = [t for t in step.others if t.name in step.confusable_with or not search.at_floor]
+        trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
+        chosen, equal = simplest([t.held_out for t in trials], [t.result.misfit.coordinates.size for t in trials])
+        if chosen:
+            rest = [t for t in step.others if t.name != trials[chosen].name]
+            rest.append(Trial(step.effect, step.result, step.held_out))
+            search.steps = _along(search.steps, k, trials[chosen])
+            search.steps[k] = replace(search.steps[k], others=tuple(rest))
+        plant = search.steps[-1].result.plant
+        alike = tuple(trials[i].name for i in equal if trials[i].name not in plant)
+        search.steps[k] = replace(search.steps[k], confusable_with=alike)
+
+
+def _instead(search: Search, name: str, other: Trial) -> Trial:
+    """The last fit with another effect in the place of one that it has; without that one, if it has the other too."""
+    misfit, x = without(search.steps[-1].result, name)
+    plant = misfit.coordinates.template
+    if other.name not in plant:
+        plant = plant + other.result.plant[other.name]
+        more = Misfit(plant, misfit.observations)
+        misfit, x = more, more.vector(plant, misfit.memories(x, more.n_memory))
+    result = refine(misfit, x)
+    if result.error > AT_FLOOR * result.floor:
+        result = min(result, search.afresh(result.plant), key=lambda r: r.error)
+    return Trial(other.name, result, cross_validated(result.misfit, result.vector))
+
+
+def _along(steps: Sequence[Step], k: int, last: Trial) -> list[Step]:
+    """The steps to a fit in which another effect stands in the place of that of step k, or none."""
+    names = [s.effect for s in steps[1:]]
+    names[k - 1 : k] = [last.name] if last.name not in names else []
+    fits = [last]
+    for name in reversed(names[k:]):
+        assert name is not None
+        result = refine(*without(fits[0].result, name))
+        fits.insert(0, Trial(name, result, cross_validated(result.misfit, result.vector)))
+    out = list(steps[:k])
+    others = {s.effect: s.others for s in steps}
+    for name, fit in zip(names[k - 1 :], fits, strict=True):
+        p = p_value(out[-1].held_out, fit.held_out)
+        out.append(Step(name, fit.result, None, (), p, fit.held_out, others=others.get(name, ())))
+    return out
+
+
+def drop_false(search: Search) -> bool:
+    """Takes away again effects that a later one has made superfluous, or that act unlike their prediction.
+
+    Only beside all the others can that be seen: what is still missing would count against what was found first.
+    True where there were any: beside the others alone something else may be seen.
+    """
+    dropped = False
+    while len(search.steps) > 1:
+        judged = [(k, *_against(search, k)) for k in range(len(search.steps) - 1, 0, -1)]
+        idle = [j for j in judged if j[3] > FALSE_DISCOVERY_RATE]
+        k, left, held_out, _, most = idle[0] if idle else max(judged, key=lambda j: j[4])
+        if not idle and most <= MOST_SCATTER:
+            break
+        if not idle:
+            _reject(search, k)
+        search.false.add(str(search.steps[k].effect))
+        _drop(search, k, left, held_out)
+        dropped = True
+    return dropped
+
+
+def _against(search: Search, k: int) -> tuple[FitResult, HeldOut, float, float]:
+    """The last plant without the effect of step k, what that leaves, and p value and scatter of the effect."""
+    last, name = search.steps[-1], search.steps[k].effect
+    assert name is not None
+    result, held_out = search.steps[-2].result, search.steps[-2].held_out
+    if {e.name for e in result.plant.effects} != {e.name for e in last.result.plant.effects} - {name}:
+        result = refine(*without(last.result, name))
+        held_out = cross_validated(result.misfit, result.vector)
+    floor = last.result.floor_rows / math.sqrt(last.result.misfit.delivered(last.result.vector))
+    # What the fits leave, not what they predict: a block that alone determines an unknown is predicted by chance.
+    uneven = scatter(residual_of(result), residual_of(last.result), floor)
+    p = p_value(held_out, last.held_out) if carries(name, result, last.result) else 1.0
+    return result, held_out, p, uneven
+
+
+def _reject(search: Search, k: int) -> None:
+    step = search.steps[k]
+    search.rejected.append((str(step.effect), step.p_value, search.steps[-1].result.plant))
+
+
+def _drop(search: Search, k: int, left: FitResult, held_out: HeldOut) -> None:
+    """Leaves out step k; the last plant becomes what is left without its effect."""
+    kept = [*search.steps[:k], *search.steps[k + 1 :]]
+    search.steps = [*kept[:-1], replace(kept[-1], result=left, held_out=held_out)]
+
+
+# ------------------------------------------------------------------------------------- harmonics that come late
+
+
+def drop_late(search: Search) -> str:
+    """Takes away again what is one torque that follows the place late; a sentence on it, empty where there is none.
+
+    Hysteresis of magnets or of a belt lags behind the place in either direction: A sin(n q + phi - d sign v). That is a
+    harmonic of the place, and friction with the same harmonic a quarter of its period ahead. Two causes have no reason
+    to agree in both, and neither alone is true.
+    """
+    result = search.steps[-1].result
+    lag = _lag(result, {s.effect for s in search.steps})
+    if lag is None:
+        return ""
+    harmonic, degrees, share = lag
+    for name in _ALONG_THE_PLACE:
+        for k in [k for k, s in enumerate(search.steps) if s.effect == name]:
+            _reject(search, k)
+            left, held_out, *_ = _against(search, k)
+            _drop(search, k, left, held_out)
+    return (
+        f"a torque that follows harmonic {harmonic:g} of the place {degrees:.0f} deg late in both directions, as "
+        f"hysteresis of magnets does ({100 * share:.0f} %)"
+    )
+
+
+# Torques of one harmonic, and what a lag adds to them: friction a quarter of a period ahead.
+_ALONG_THE_PLACE = ("cogging", "position_dependent_friction")
+
+
+def _lag(result: FitResult, added: set[str | None]) -> tuple[float, float, float] | None:
+    """Harmonic, lag [deg] and share of the squared residual of a torque that follows the place late; None without."""
+    screen: Screen | None = None
+    total = float(np.sum(residual_of(result).rows ** 2))
+    for name in _ALONG_THE_PLACE:
+        if name not in added:
+            continue
+        partner = next(n for n in _ALONG_THE_PLACE if n != name)
+        for harmonic in np.atleast_1d(result.plant[name].values["harmonics"]):
+            found = {name: _of_harmonic(result, name, harmonic)}
+            if partner in result.plant and harmonic in np.atleast_1d(result.plant[partner].values["harmonics"]):
+                found[partner] = _of_harmonic(result, partner, harmonic)
+            else:
+                screen = screen or Screen(result.misfit, result.vector)
+                seen = screen.at(effects.find(partner), {"harmonics": harmonic})
+                if seen is None or p_value(screen.held_out, seen[2]) > FALSE_DISCOVERY_RATE:
+                    continue
+                found[partner] = seen[1], float(np.ravel(seen[0].values["phase"])[0])
+            (torque, phase), (friction, ahead) = (found[n] for n in _ALONG_THE_PLACE)
+            sizes = math.sqrt(float(torque @ torque)), math.sqrt(float(friction @ friction))
+            if min(sizes) > _LATE * max(sizes) and math.sin(ahead - phase) > _IN_QUADRATURE:
+                both = float(np.sum((torque + friction) ** 2))
+                return float(harmonic), math.degrees(math.atan2(sizes[1], sizes[0])), both / (both + total)
+    return None
+
+
+def _of_harmonic(result: FitResult, name: str, harmonic: float) -> tuple[Array, float]:
+    """(m,) what one harmonic of an effect does to the residual, and its phase."""
+    effect = result.plant[name]
+    here = np.asarray(effect.values["harmonics"]) == harmonic
+    plant: Plant = result.plant.replace(effect.replace(amplitude=np.where(here, 0, effect.values["amplitude"])))
+    misfit = Misfit(plant, result.misfit.observations)
+    x = misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory), result.misfit.skew(result.vector))
+    change = result.misfit.residual(result.vector) - misfit.residual(x)
+    return change, float(np.asarray(effect.values["phase"])[here][0])

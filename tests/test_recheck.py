@@ -1,0 +1,101 @@
+"""What was found first is judged again beside what was found later; what no effect of the catalogue is gets no name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
+from scipy import signal
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.observe import observe
+from gms_mujoco.recheck import exchange
+from gms_mujoco.record import Record
+from gms_mujoco.screen import cross_validated
+from gms_mujoco.search import Search, Step, Trial, carries
+
+
+def quiet(done: float, message: str) -> None: ...
+
+
+
+def changed(runs: Dataset, torque: object) -> Dataset:
+    """The set with another torque in each record, a function of it."""
+
+    def one(r: Record) -> Record:
+        return replace(r, signals={**r.signals, "torque": torque(r)})  # type: ignore[operator]
+
+    return replace(runs, records=tuple(map(one, runs.records)))
+
+
+def test_a_torque_that_follows_the_place_late_gets_no_name_but_is_told() -> None:
+    def late(r: Record) -> np.ndarray:
+        velocity = np.gradient(r.position, SAMPLE_TIME)
+        away = signal.lfilter([0.03], [1, -0.97], np.sign(velocity))  # the lag turns over while the axis moves on
+        return r.torque + 0.3 * LEVEL * np.sin(6 * r.position + 0.4 - 0.7 * away)
+
+    d = diagnose(changed(dataset(HEALTHY), late), UNKNOWN)
+    assert not d.found and d.verdict == "unexplained"
+    assert "follows harmonic 6 of the place" in d.remainder
+
+
+def test_a_torque_reading_that_rings_is_no_coupling_but_is_told() -> None:
+    def ringing(r: Record) -> np.ndarray:
+        omega, zeta, h = 2 * np.pi * 30, 0.1, SAMPLE_TIME
+        sensor = signal.cont2discrete(([omega**2], [1, 2 * zeta * omega, omega**2]), h)
+        return signal.lfilter(sensor[0].ravel(), sensor[1], r.torque)
+
+    d = diagnose(changed(dataset(HEALTHY), ringing), UNKNOWN)
+    assert not {e.name for e in d} & {"flexible_coupling", "backlash"}
+    said = d.remainder.split("torque reading that rings at ")[1].split(" Hz")[0]
+    assert float(said) == pytest.approx(30, rel=0.1)
+
+
+def test_two_effects_that_are_refused_alone_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search(observe(dataset(HEALTHY + HIDDEN["cogging"] + HIDDEN["gravity"]).fit, HEALTHY.inertia), [], UNKNOWN)
+    search.first(quiet)
+    monkeypatch.setattr(Search, "_accept", lambda *_: False)
+    assert search.add_one(quiet)
+    assert {s.effect for s in search.steps[1:]} == {"cogging", "gravity"}
+    assert all(s.p_value < 1e-3 for s in search.steps[1:])
+    errors = [s.result.error for s in search.steps]
+    assert errors == sorted(errors, reverse=True) and search.at_floor
+    assert not search.add_one(quiet)  # a healthy axis has no two either
+
+
+def test_an_effect_that_stood_in_for_another_makes_room_for_it() -> None:
+    hidden = HEALTHY + effects.AsymmetricFriction(level=0.2) + HIDDEN["cogging"]
+    seen = observe(dataset(hidden).fit, HEALTHY.inertia)
+
+    def fitted(*added: object) -> Trial:
+        plant = UNKNOWN
+        for e in added:
+            plant = plant + e  # type: ignore[operator]
+        result = fit_observations(plant, seen)
+        return Trial(plant.effects[-1].name, result, cross_validated(result.misfit, result.vector))
+
+    offset, uneven = effects.TorqueOffset(torque=1e-4), effects.AsymmetricFriction(level=0.1)
+    first, right, both = fitted(offset), fitted(uneven), fitted(offset, HIDDEN["cogging"])
+    search = Search(seen, [], UNKNOWN)
+    begun = fitted()
+    search.steps = [
+        Step(None, begun.result, held_out=begun.held_out),
+        Step("torque_offset", first.result, held_out=first.held_out, others=(right,)),
+        Step("cogging", both.result, held_out=both.held_out),
+    ]
+    exchange(search)
+    assert [s.effect for s in search.steps] == [None, "asymmetric_friction", "cogging"]
+    assert search.at_floor
+    assert "torque_offset" in [t.name for t in search.steps[1].others]
+    exchange(search)  # and stays
+    assert [s.effect for s in search.steps] == [None, "asymmetric_friction", "cogging"]
+
+
+def test_an_effect_that_does_nothing_does_not_carry_what_was_gained_beside_it() -> None:
+    seen = observe(dataset(HEALTHY + HIDDEN["cogging"]).fit[:1], HEALTHY.inertia)
+    before = fit_observations(UNKNOWN, seen)
+    after = fit_observations(UNKNOWN + HIDDEN["cogging"] + effects.Gravity(amplitude=1e-7, phase=0.0), seen)
+    assert carries("cogging", before, after) and not carries("gravity", before, after)
