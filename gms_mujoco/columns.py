@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +18,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = (*UNITS, "current")
 OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
+_UNIT_BEHIND = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # of a column's name
 _LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 
 
@@ -70,27 +72,59 @@ def of_joint(table: Mapping[str, Any], what: str, joint: Joint) -> tuple[dict[st
     return own, others
 
 
-def pick(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array]:
-    """The columns of a record by their names in the contract, raw."""
+def pick(
+    table: formats.Table, chosen: Mapping[str, Any], rate: float | None = None
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """The columns of a record by their names in the contract, raw, and the units that the file states for them.
+
+    Names that nobody chose are found whatever their case, and with a unit behind them: "Torque [mNm]" is "torque".
+
+    Args:
+        chosen: the user's columns.
+        rate: samples per second, for time that is counted instead of read.
+    """
     expect_known(chosen, COLUMNS, "columns.")
+    if rate is not None and "time" in chosen:
+        raise DataError("give columns.time or rate, not both: with a rate time is counted")
     if not table.named and not chosen:
         raise DataError(
             f"the file does not name its {len(table.columns)} columns; number them from 0, "
             "as in columns = { time = 0, torque = 1, position = 2 }"
         )
-    available = {**table.columns, **table.unusable}
+    available = _plainly(table)
     wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
     if "torque" in chosen and "current" in chosen:
         raise DataError("columns: give torque or current, not both")
     drive = next((k for k in ("torque", "current") if k in chosen), None) or (
         "current" if "current" in available and "torque" not in available else "torque"
     )
-    for key in ("time", "position", drive):
-        wanted.setdefault(key, key)
+    for key in (*(["time"] if rate is None else []), "position", drive):
+        wanted.setdefault(key, available.get(key, key))
     for key in OPTIONAL:
-        if key in table.columns and key not in chosen:
-            wanted[key] = key
-    return {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
+        if available.get(key) in table.columns and key not in chosen:
+            wanted[key] = available[key]
+    raw = {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
+    stated = {key: _stated(table, at) for key, at in wanted.items()}
+    if rate is not None:
+        raw["time"] = np.arange(max(map(len, raw.values()))) / rate
+    return raw, {key: unit for key, unit in stated.items() if unit}
+
+
+def _plainly(table: formats.Table) -> dict[str, str]:
+    """Columns of a file by their names in the contract, where they are called that: to the letter, or else in another
+    case or with a unit behind."""
+    names = [*table.columns, *table.unusable]
+    plain = [(name, _UNIT_BEHIND.sub("", name).strip().lower()) for name in names]
+    alike = {key: [name for name, word in plain if word == key] for key in COLUMNS}
+    return {k: k if k in names else found[0] for k, found in alike.items() if k in names or len(found) == 1}
+
+
+def _stated(table: formats.Table, at: Any) -> str:
+    """The unit of a column that the file states beside it or in its name, where it is one; else ""."""
+    name = list(table.columns)[at] if isinstance(at, int) else at
+    behind = _UNIT_BEHIND.search(name)
+    unit = table.units.get(name) or (behind[1].strip() if behind else "")
+    return unit if units.is_unit(unit) else ""
 
 
 def column(table: formats.Table, label: str, at: Any, guessed: str | None = None) -> Array:
@@ -111,6 +145,7 @@ def column(table: formats.Table, label: str, at: Any, guessed: str | None = None
         raise DataError(f"column {at!r}: {table.unusable[at]}")
     if at not in table.columns:
         hint = f"; name it with columns = {{ {guessed} = ... }}" if guessed else ""
+        hint += ", or give rate = ... [Hz] where the file has none" if guessed == "time" else ""
         raise DataError(f"no column {at!r} for {label.removeprefix('columns.')}; "
                         f"the file has {listing(table.columns)}{hint}")
     return np.array(table.columns[at], float)
@@ -125,6 +160,20 @@ def convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[s
                 raise DataError(f"{word}.{key}: the record has no {key}; it has {listing(columns)}")
     for key in {**scale, **unit}:
         columns[key] = into_si(columns[key], key, unit.get(key), scale.get(key), joint.kind, joint.resolution)
+
+
+def as_stated(columns: dict[str, Array], stated: Mapping[str, str], joint: Joint) -> str | None:
+    """Raw numbers into SI, in place, by the units that a file states; a sentence where one is not SI already."""
+    said = []
+    for key, unit in stated.items():
+        try:
+            factor, offset = units.into_si(unit, key, joint.kind, joint.resolution)
+        except DataError as error:
+            raise DataError(f"the file states a unit of {key}: {error}; or say otherwise with units or scale") from None
+        if (factor, offset) != (1.0, 0.0):
+            columns[key] = columns[key] * factor + offset
+            said.append(f"{key} in {unit}")
+    return f"units as the file states them: {', '.join(said)}" if said else None
 
 
 def into_si(raw: Array, key: str, unit: Any, scale: Any, kind: str, resolution: float | None) -> Array:
@@ -159,7 +208,11 @@ def check(table: formats.Table, columns: Mapping[str, Array]) -> None:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         i = int(back[0])
-        raise DataError(f"{table.place(i + 1)}: time does not run forward ({time[i]:.9g} s, then {time[i + 1]:.9g} s)")
+        # A clock that is coarser than the samples stands still at many of them.
+        still = time[i] == time[i + 1]
+        hint = "; where the clock is too coarse say rate = ... [Hz], and time is counted" if still else ""
+        where = f"{table.place(i + 1)}: time does not run forward"
+        raise DataError(f"{where} ({time[i]:.9g} s, then {time[i + 1]:.9g} s){hint}")
     if np.ptp(columns["position"]) == 0:
         raise DataError("position never changes; nothing can be learnt from a joint that does not move")
 

@@ -26,7 +26,7 @@ FILE = "dataset.toml"
 _FEWEST_POINTS = 5  # of a response that validates
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
-    "record": ("file", "use", "joint", "episode", "columns", "units", "scale"),
+    "record": ("file", "use", "joint", "episode", "rate", "columns", "units", "scale"),
     "frf": ("file", "input", "output", "amplitude", "use", "columns", "units", "scale"),
 }
 
@@ -206,7 +206,12 @@ def _record(
                     )
         unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
         scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
-        signals = columns.pick(table, chosen)
+        rate = number(entry, "rate", "", "Hz")
+        if rate is not None and rate < 0:
+            raise DataError(f"rate must be positive [Hz]; {rate:g} given")
+        signals, stated = columns.pick(table, chosen, rate)
+        stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
+        read = columns.as_stated(signals, stated, axis.joint)
         columns.convert(signals, unit, scale, axis.joint)
         for other, at in elsewhere.items():
             kind = axis.joint.others[other]
@@ -220,7 +225,7 @@ def _record(
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
                                 'or torque_constant = "unknown" to stay in A')
             signals["torque"] = axis.torque_constant * signals.pop("current")
-        notes = [plausible.trimmed(signals)]
+        notes = [read, plausible.trimmed(signals)]
         columns.check(table, signals)
         for key in [k for k in signals if k.startswith("position")]:
             if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":

@@ -9,17 +9,18 @@ from .errors import DataError, listing
 
 _REV = 2 * math.pi
 _LBF, _INCH = 4.4482216152605, 0.0254
-COUNTS = ("count", "counts")  # encoder counts: their size is a property of the axis
+COUNTS = ("count", "counts", "inc")  # encoder counts: their size is a property of the axis
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 _ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
           "rev": _REV, "turn": _REV}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
 _TORQUE = {"Nm": 1.0, "kNm": 1e3, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665,
-           "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16}
+           "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16, "lbin": _LBF * _INCH, "ozin": _LBF * _INCH / 16}
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
 _CURRENT = {"A": 1.0, "mA": 1e-3, "uA": 1e-6}
-_SPEED = {f"{unit}/s": factor for unit, factor in _ANGLE.items()} | {"rpm": _REV / 60, "rev/min": _REV / 60}
+_PER_MINUTE = dict.fromkeys(("rpm", "rev/min", "1/min"), _REV / 60)
+_SPEED = {f"{unit}/s": factor for unit, factor in _ANGLE.items()} | _PER_MINUTE | {"rps": _REV}
 _RATE = {f"{unit}/s": factor for unit, factor in _LENGTH.items()}
 
 # Unit tables of each column: of a hinge joint, of a slide joint.
@@ -41,7 +42,8 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
     """Factor and offset that turn a number in `unit` into SI.
 
     Args:
-        unit: as written in `dataset.toml`; blanks, "*" and "." between its parts do not matter.
+        unit: as written in `dataset.toml` or in the file; blanks, "*" and "." between its parts do not matter, "µ" is
+            "u" and "°" is "deg".
         column: the column it belongs to, "position", "torque" ...
         kind: joint kind, "hinge" or "slide".
         count: one encoder count [rad or m], None where unknown.
@@ -49,10 +51,7 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
     Raises:
         DataError: an unknown unit, or a unit of something else.
     """
-    known = _known(column, kind)
-    spelled = unit
-    for mark in (" ", "*", "·", "."):
-        spelled = spelled.replace(mark, "")
+    known, spelled = _known(column, kind), _spelled(unit)
     if spelled in known:
         return known[spelled]
     if column in ("position", "velocity") and spelled.removesuffix("/s") in COUNTS:
@@ -67,7 +66,21 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
             if spelled in _known(other, joint):
                 what = f"{other} of a {joint} joint"
                 raise DataError(f"{unit!r} measures {what}, not {column} of a {kind} joint; expected {listing(known)}")
-    raise DataError(f"unknown unit {unit!r}; {column} of a {kind} joint takes {listing(known)}")
+    takes = [*known, *(["counts" + "/s" * (column == "velocity")] if column in ("position", "velocity") else [])]
+    raise DataError(f"unknown unit {unit!r}; {column} of a {kind} joint takes {listing(takes)}")
+
+
+def is_unit(text: str) -> bool:
+    """Whether it is a unit of anything that a record may have."""
+    spelled = _spelled(text)
+    known = (_known(column, kind) for column in (*_TABLES, "temperature") for kind in ("hinge", "slide"))
+    return spelled.removesuffix("/s") in COUNTS or any(spelled in units for units in known)
+
+
+def _spelled(unit: str) -> str:
+    for mark in (" ", "*", "·", "."):
+        unit = unit.replace(mark, "")
+    return unit.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").replace("°", "deg")
 
 
 def _known(column: str, kind: str) -> Mapping[str, tuple[float, float]]:

@@ -63,6 +63,9 @@ def test_a_plain_set_is_read_as_it_stands(tmp_path: Path) -> None:
         ("torque", "N*m", 1.0),
         ("time", "ms", 1e-3),
         ("time", "us", 1e-6),
+        ("time", "\N{MICRO SIGN}s", 1e-6),
+        ("position", "\N{DEGREE SIGN}", np.pi / 180),
+        ("velocity", "1/min", 2 * np.pi / 60),
         ("velocity", "rpm", 2 * np.pi / 60),
         ("velocity", "counts/s", 2 * np.pi / 4096),
         ("load", "kgf cm", 0.0980665),
@@ -75,6 +78,45 @@ def test_units_become_si(column: str, unit: str, factor: float, tmp_path: Path) 
     got = record.time if column == "time" else record.signals[column]
     assert np.allclose(got, factor * raw[column], rtol=1e-12, atol=0)
     assert record.resolution == 2 * np.pi / 4096
+
+
+HEAD = "Time [ms],Torque (mNm),POSITION [deg]\n"
+
+
+HEADS = (HEAD, "bench 7\nof monday, again\n" + HEAD, "time,torque,position\nms,mNm,\N{DEGREE SIGN}\n")
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_what_a_header_states_is_read_and_said(head: str, tmp_path: Path) -> None:
+    rows = [",".join(map(repr, row)) for row in np.array([*RUN.values()]).T.tolist()]
+    (tmp_path / "stated.csv").write_text(head + "\n".join(rows), encoding="utf-8")
+    text = AXIS + '[[record]]\nfile = "stated.csv"\nuse = "fit"\n'
+    runs = dataset(tmp_path, text)
+    assert np.allclose(runs.fit[0].time, 1e-3 * TIME) and np.allclose(runs.fit[0].torque, 1e-3 * RUN["torque"])
+    assert np.allclose(runs.fit[0].position, np.radians(RUN["position"]))
+    assert "time in ms, " in runs.notes[0] and "torque in mNm" in runs.notes[0]
+    own = dataset(tmp_path, text + 'units = { torque = "Nm" }\nscale = { position = 1.0 }\n').fit[0]
+    assert np.array_equal(own.torque, RUN["torque"]) and np.array_equal(own.position, RUN["position"])
+    slide = text.replace("[axis]", '[axis]\nkind = "slide"')
+    refuses(tmp_path, slide, "the file states a unit of", "slide joint", "scale")
+
+
+def test_a_name_in_brackets_that_is_no_unit_does_not_matter(tmp_path: Path) -> None:
+    text = AXIS + RECORD + 'use = "fit"\ncolumns = { time = "time", torque = "tau [elbow]", position = "position" }\n'
+    record = dataset(tmp_path, text, **{"time": TIME, "tau [elbow]": RUN["torque"], "position": RUN["position"]}).fit[0]
+    assert np.array_equal(record.torque, RUN["torque"])
+
+
+def test_a_rate_counts_time_where_the_file_has_none_or_a_coarse_one(tmp_path: Path) -> None:
+    text = AXIS + RECORD + 'use = "fit"\n'
+    without = {k: v for k, v in RUN.items() if k != "time"}
+    refuses(tmp_path, text, "no column 'time'", "rate = ", **without)
+    coarse = {**RUN, "time": np.floor(TIME * 200) / 200}
+    refuses(tmp_path, text, "time does not run forward", "rate = ", **coarse)
+    for raw in (without, coarse):
+        assert np.allclose(dataset(tmp_path, text + "rate = 1000\n", **raw).fit[0].time, np.arange(N) / 1000)
+    refuses(tmp_path, text + "rate = -1000\n", "rate must be positive", **without)
+    refuses(tmp_path, text + 'rate = 1000\ncolumns = { time = "time" }\n', "not both", **RUN)
 
 
 @pytest.mark.parametrize(("unit", "celsius"), [("K", -273.15), ("degF", -160 / 9), ("degC", 0.0)])

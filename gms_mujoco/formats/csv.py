@@ -1,7 +1,8 @@
 """Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
 
 Lines that start with # or % before the table are comments. With semicolons, tabs or blanks a decimal comma is
-understood. A few lines that each begin with a name and go on with numbers are columns laid on their side.
+understood. Other lines before the header are left out, and a row of units below it is read. A few lines that each
+begin with a name and go on with numbers are columns laid on their side.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from pyarrow import csv
 
 from ..errors import DataError
 from ..files import write_bytes
+from ..units import is_unit
 from . import Array, Table
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
+_MOST_PREAMBLE = 200  # lines before the header
 _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
 
@@ -33,6 +36,7 @@ def read(path: Path) -> Table:
         raise DataError(f"{path}: the file is empty; expected columns of numbers")
     # What is read, with the line it stands on: empty lines are no samples.
     kept = [(i + 1, s) for i, s in enumerate(lines[start:], start) if s.strip()]
+    kept = _without_preamble(kept)
     separator = _separator(kept)
     if separator == " ":
         kept = [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
@@ -47,6 +51,9 @@ def read(path: Path) -> Table:
         if names.count(name) > 1:
             raise DataError(f"{path}: line {kept[0][0]}: two columns are called {name!r}")
     samples = kept[1:] if named else kept
+    units: dict[str, str] = {}
+    if named and len(samples) > 1 and (below := _units_row(samples[0][1].split(separator), len(names))):
+        samples, units = samples[1:], {name: unit for name, unit in zip(names, below, strict=True) if unit}
     if not samples:
         raise DataError(f"{path}: the file has a header but no samples")
     for i, s in samples:
@@ -69,7 +76,7 @@ def read(path: Path) -> Table:
             unusable[name] = f"line {samples[wrong][0]}: {table[name][wrong].as_py()!r} is not a number"
         else:
             columns[name] = column
-    return Table(columns, unusable, named, np.array([i for i, _ in samples]))
+    return Table(columns, unusable, named, np.array([i for i, _ in samples]), units)
 
 
 def write(path: Path, columns: Mapping[str, Array]) -> None:
@@ -89,6 +96,39 @@ def _text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")  # a degree or micro sign in a header from a Windows machine
+
+
+def _without_preamble(kept: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """The lines from the header on, where others stand before it that are no rows of the table.
+
+    The header is the last line with a name in each cell before the first with a number in each; above it stands at
+    least one line of another width.
+    """
+    for mark in ";\t,":
+        rows = [[c.strip().strip('"') for c in s.split(mark)] for _, s in kept[: _MOST_PREAMBLE + 2]]
+        width = len(kept[-1][1].split(mark))
+        if width < 2:
+            continue
+        numbers = [len(r) == width and all(c and _is_number(c.replace(",", ".")) for c in r) for r in rows]
+        first = next((i for i, good in enumerate(numbers) if good), 0)
+        header = first - 1
+        if header > 0 and _units_row(rows[header], width) and _is_named(rows[header - 1], width):
+            header -= 1
+        if header > 0 and _is_named(rows[header], width) and any(len(r) != width for r in rows[:header]):
+            return kept[header:]
+        return kept
+    return kept
+
+
+def _is_named(cells: list[str], width: int) -> bool:
+    return len(cells) == width and all(c and not _is_number(c) for c in cells)
+
+
+def _units_row(cells: list[str], width: int) -> list[str]:
+    """The units of a row of their own below the names, "" where a cell is empty; [] where it is no such row."""
+    found = [c.strip().strip('"').strip("[]()").strip() for c in cells]
+    named = len(found) == width and not any(c and _is_number(c) for c in found)
+    return found if named and any(map(is_unit, found)) else []
 
 
 def _separator(kept: list[tuple[int, str]]) -> str:
