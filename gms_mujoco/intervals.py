@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import linalg, stats
 
 from .frf_observation import Seen
 from .inverse import Observation
@@ -46,7 +46,7 @@ def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
     scores, kept, kept_twice = [], [], []
     for begin, end, power in blocks(misfit.observations, np.split(residual, misfit.splits)):
         own = jacobian[begin:end] @ root
-        leverage, axes = np.linalg.eigh(gram(own, own))
+        leverage, axes = linalg.eigh(gram(own, own))
         leverage = np.clip(leverage, 0, _LEVERAGE)
         more = (1 - leverage) ** -power
         scores.append(axes @ (more * (axes.T @ gram(own, residual[begin:end]))))
@@ -117,5 +117,6 @@ def _root_of_inverse(a: Array) -> Array:
     """root with root @ root.T the inverse of a symmetric matrix, scaled; directions that the data does not see get no
     spurious certainty."""
     scale = np.sqrt(np.maximum(np.diag(a), 1e-24 * max(np.diag(a).max(initial=0.0), 1e-200)))
-    value, vector = np.linalg.eigh(a / np.outer(scale, scale))
+    # Not by divide and conquer, as NumPy does it: that fails on some matrices of less than full rank.
+    value, vector = linalg.eigh(a / np.outer(scale, scale))
     return np.asarray(vector / np.sqrt(np.maximum(value, 1e-14)) / scale[:, None])
