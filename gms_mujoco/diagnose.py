@@ -50,7 +50,7 @@ class Diagnosis:
         candidates: what was tried on the final plant and left out.
         remainder: what is left looks like this; empty where nothing is.
         next_experiment: what to measure next, None where there is nothing to settle.
-        notes: a sentence on each candidate of the user's own.
+        notes: a sentence on how the records were logged, where that matters, and one on each candidate of the user's.
     """
 
     verdict: str
@@ -235,7 +235,8 @@ def _conclude(
         likely = min(rejected, key=lambda r: r.p_value)
         experiment = _lowered(effects.find(likely.effect).experiment)
         following = f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
-    return Diagnosis(verdict, floor, steps, rejected, remainder, following)
+    notes = (f"{last.habit}.",) if last.habit else ()
+    return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
 def _with_shapes(

@@ -13,6 +13,7 @@ from . import effects
 from .frf import FRF
 from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
+from .inverse import Observation
 from .least_squares import nudge, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
@@ -30,6 +31,7 @@ _ROUNDS = 4  # of solving and computing the harmonics anew
 _AGREED = 0.98  # of the cost: less of a fall is none
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
+_EARNED, _SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _ENOUGH = 160  # points of frequency responses, for a first look
 
 
@@ -55,6 +57,11 @@ class FitResult:
     vector: Array
     noise: Noise
     floor_rows: Array
+
+    @property
+    def habit(self) -> str:
+        """A sentence on how the records were logged, where that was allowed for; else ""."""
+        return _habit(self.misfit, self.vector)
 
     @property
     def undetermined(self) -> dict[str, str]:
@@ -108,6 +115,8 @@ def fit(
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     found = fit_observations(plant, observations, fixed, report)
+    if early := acting_early(found, fixed):
+        found = fit_observations(plant, early, fixed)
     report(1.0, found.status)
     return found
 
@@ -122,6 +131,40 @@ def fit_observations(
     found = refine(misfit, x, max_steps=40)
     again = _doubting(found)
     return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
+
+
+def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | None:
+    """The observations, with torques that acted before their rows; None where that explains too little more.
+
+    A drive acts after it is told, and at most a tenth of a sample of skew is anybody's. But a current that was measured
+    is that of the interval just over, or of an instant in it, by the habits of the log: no physics, and no effect.
+    """
+    misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
+    lower = misfit.bounds[0]
+    if not misfit.n_skew or x[n] > 0.99 * lower[n] or lower[n] == 0 or lower[n] < -misfit.most_skew:
+        return None
+    rows, residual = misfit.jacobian(x), misfit.residual(x)
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    others = np.delete(rows / scale, n, axis=1)
+    column = rows[:, n] / scale[n]
+    column = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
+    left = float(residual @ residual)
+    enough = max(_EARNED * left, _SHARE * (left - float(found.floor_rows @ found.floor_rows)))
+    if column @ residual < 0 or (column @ residual) ** 2 < enough * (column @ column):
+        return None
+    early = [o.acting_early() if isinstance(o, Observation) else o for o in misfit.observations]
+    again = refine(Misfit(found.plant, early, fixed), x)
+    return early if left - float(np.sum(again.misfit.residual(again.vector) ** 2)) > enough else None
+
+
+def _habit(misfit: Misfit, x: Array) -> str:
+    """A sentence on torques that acted before their rows; "" where they did not."""
+    sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
+    early = -misfit.skew(x)
+    if not misfit.n_skew or early <= misfit.most_skew:
+        return ""
+    by = f"{1e3 * early:.2g} ms ({early / sample:.2f} samples)"
+    return f"Torques acted {by} before their rows say, as those do that are measured after they have acted: allowed for"
 
 
 def _doubting(found: FitResult) -> list[Seen] | None:
@@ -218,6 +261,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
         f"noise floor {100 * floor:.2f} %"
     )
+    if habit := _habit(misfit, x):
+        status += f". {habit}"
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
     return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))

@@ -82,11 +82,13 @@ class Observation:
         bandwidth: -6 dB frequency of the low-pass [Hz].
         cutoff: frequency up to which the position is kept as it is, being more motion than noise of the encoder [Hz];
             0: found from its spectrum.
+        early: whether the torque of a row may have acted up to a sample before it, as a measured one has.
     """
 
     record: Record
     bandwidth: float
     cutoff: float = 0.0
+    early: bool = False
 
     has_memory = True  # what went before the first sample still acts
     skews = True  # nobody says that torque and position were read on one clock
@@ -180,6 +182,10 @@ class Observation:
         """The same observation of another position (n,) [rad]."""
         signals = {**self.record.signals, "position": position}
         return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff)
+
+    def acting_early(self) -> Observation:
+        """The same observation, whose torque may have acted before its row."""
+        return replace(self, early=True, cutoff=self._cutoff)
 
     def unsmoothed(self) -> Observation:
         """The same observation, whose position is taken as it stands."""
@@ -275,14 +281,19 @@ class Observation:
         """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m].
 
         Args:
-            skew: by which the clock of the torque runs ahead of that of the position, a small part of a sample [s].
+            skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
         """
         torque = self._delivered(plant)
-        return torque - skew * self._rate if skew else torque
+        return torque - skew * self._rate + skew**2 / 2 * self._bend if skew else torque
 
+    # With both, a torque between samples lies on the parabola through three of them: exact for a skew of a sample.
     @cached_property
     def _rate(self) -> Array:
         return self.band(np.gradient(held_mean(self.record.torque), self.record.sample_time))
+
+    @cached_property
+    def _bend(self) -> Array:
+        return self.band(second_difference(held_mean(self.record.torque), self.record.sample_time))
 
     def _delivered(self, plant: Plant) -> Array:
         if not plant.drive:

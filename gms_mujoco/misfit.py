@@ -30,6 +30,7 @@ _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
+_EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 
 
@@ -101,13 +102,21 @@ class Misfit:
         lower, upper = self.coordinates.bounds
         lower, upper = np.maximum(lower, self._visible[0]), np.minimum(upper, self._visible[1])
         rest = np.ones(self.size - self.coordinates.size)
+        below, above = -rest, rest.copy()
         if self.n_skew:
-            rest[0] = 0.0 if "delay" in self.coordinates.template else _SKEW * self._shortest
-        return np.append(lower, -rest), np.append(upper, rest)
+            early = any(isinstance(o, Observation) and o.early for o in self.observations)
+            free = self._shortest * ("delay" not in self.coordinates.template)
+            below[0], above[0] = -(_EARLY if early else _SKEW) * free, _SKEW * free
+        return np.append(lower, below), np.append(upper, above)
 
     @cached_property
     def _shortest(self) -> float:
         return min(o.sample_time for o in self.observations if o.skews)
+
+    @property
+    def most_skew(self) -> float:
+        """That no log keeps its clocks better than [s]."""
+        return _SKEW * self._shortest
 
     def skew(self, x: Array) -> float:
         """By which the clock of the torque runs ahead of that of the position [s]."""

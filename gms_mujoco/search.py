@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from . import effects
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import FitResult, Progress, fewer, fit_observations, refine, rough_fit
+from .fit import FitResult, Progress, acting_early, fewer, fit_observations, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -116,6 +116,8 @@ class Search:
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
+        if early := acting_early(result):
+            result = fit_observations(self.start, early, progress=report)
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
         self._bend()
@@ -208,7 +210,7 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if self._bend():  # what was chosen beside the wrong curve is chosen again
+        if self._bend() or self._early():  # what was chosen beside the wrong curve is chosen again
             self.first(lambda done, message: None)
         return True
 
@@ -310,6 +312,12 @@ class Search:
                         begun = self.start[effect.name]
                         self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
         return bent
+
+    def _early(self) -> bool:
+        """Lets torques act before their rows, where that explains what an effect may have hidden before."""
+        early = acting_early(self.steps[-1].result)
+        self.seen = early or self.seen
+        return early is not None
 
     def _is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
         """Whether an effect takes a good part of what noise does not explain; at the noise floor, of everything.

@@ -18,6 +18,7 @@ from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
 from gms_mujoco.simulate import simulate
 
 DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)
@@ -144,6 +145,26 @@ def test_a_small_skew_of_the_clocks_is_no_effect() -> None:
     late = fit(UNKNOWN, runs(HEALTHY + effects.Delay(time=skew)))
     assert late.error < 1.2 * late.floor
     assert late.plant.provenance["clock_skew"] == pytest.approx(skew, rel=0.2)
+
+
+def _measured_after(record: Record) -> Record:
+    """The log of a drive that reads its current before it sets the next one: that of the interval before."""
+    return replace(record, signals={**record.signals, "torque": np.append(record.torque[:1], record.torque[:-1])})
+
+
+def test_a_current_that_was_measured_after_it_acted_is_no_effect() -> None:
+    found = fit(UNKNOWN, [_measured_after(r) for r in runs(HEALTHY)])
+    assert found.error < 1.2 * found.floor
+    assert found.plant.provenance["clock_skew"] == pytest.approx(-SAMPLE_TIME, rel=0.05)
+    assert "1.00 samples) before" in found.status and not fit(UNKNOWN, runs(HEALTHY)).habit
+
+
+@pytest.mark.parametrize("missing", ["flexible_coupling", "gravity"])
+def test_an_effect_does_not_become_a_habit_of_the_log(missing: str) -> None:
+    coupling = {"inertia": 0.3 * J, "frequency": 90.0, "damping": 0.05}
+    hidden = effects.find(missing)(**(coupling if missing == "flexible_coupling" else {"amplitude": LEVEL}))
+    found = fit(UNKNOWN, runs(HEALTHY + hidden))
+    assert found.error > 3 * found.floor and not found.habit
 
 
 def test_a_record_may_begin_in_the_middle_of_a_motion() -> None:
