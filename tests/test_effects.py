@@ -160,3 +160,38 @@ def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
     t, q, v, torque = np.array(rows).T
     assert np.ptp(np.sign(v)) == 2, "the motion must reverse"
     assert np.array_equal(plant.joint().replay(t, q, v).torque, torque)
+
+
+@NATIVE
+@pytest.mark.parametrize("elements", [1, 4, 5])
+@pytest.mark.parametrize("modulated", [None, 0.0, 1.0])
+def test_joints_with_the_same_friction_get_what_each_gets_alone(name, elements, modulated):
+    """The plug-in takes joints together: to the last bit the replay of each, one effect alone or several, modulated by
+    levels that pass through zero, with or without the stiffness."""
+    joints, plant = 18, Plant.axis() + example(name, elements)
+    if modulated is not None:
+        scales = (
+            effects.PositionDependentFriction(harmonics=[1, 3], amplitude=[0.9, 0.4], phase=[0.3, 1.0]),
+            effects.AsymmetricFriction(level=0.3, stiffening=modulated),
+            effects.Viscous(coefficient=0.1),
+        )
+        for effect in scales:
+            if effect.name != name:
+                plant += effect
+    inertia = 1 + example(name, elements).hidden_inertia
+    body = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    bodies = "".join(f'<body><joint name="j{i}" axis="0 0 1" armature="{inertia}"/>{body}' for i in range(joints))
+    text = f'<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>{bodies}</worldbody></mujoco>'
+    model = engine.attach(text, {"*": plant}, "explicit").compile()
+    assert model.nplugin == 1
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(1), []
+    for k in range(300):
+        if k % 50 == 0:
+            data.qfrc_applied[:] = rng.normal(size=joints) * 30
+            data.qfrc_applied[3] = 0  # never moves
+        mujoco.mj_forward(model, data)
+        rows.append([np.full(joints, data.time), data.qpos.copy(), data.qvel.copy(), data.qfrc_passive.copy()])
+        mujoco.mj_step(model, data)
+    assert np.ptp(np.sign(np.array(rows)[:, 2])) == 2, "the motion must reverse"
+    for *motion, torque in np.transpose(rows, (2, 1, 0)):
+        assert np.array_equal(plant.joint().replay(*motion).torque, torque)

@@ -6,6 +6,7 @@ using gms::Level;
 using gms::Motion;
 
 enum { kForce = 0, kSlip = 1 };  // state of element i: force at 2 i, slip direction at 2 i + 1 (0: sticks)
+constexpr double kAnyForce = 1e308;  // above all
 
 int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
@@ -18,54 +19,84 @@ void recall(const double* p, int n, const double* unknown, double* state) {
   }
 }
 
-double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
-  const double *stiffness = p, *fraction = p + n, *c = p + 2 * n;
+// Where the joint has not moved nothing changes.
+double keep(int n, const double* state, double* next) {
   double total = 0;
-  if (m.displacement == 0) {
-    for (int i = 0; i < n; i++) {
-      next[2 * i + kForce] = state[2 * i + kForce];
-      next[2 * i + kSlip] = state[2 * i + kSlip];
-      total += state[2 * i + kForce];
-    }
-    return -total;
+  for (int i = 0; i < n; i++) {
+    next[2 * i + kForce] = state[2 * i + kForce];
+    next[2 * i + kSlip] = state[2 * i + kSlip];
+    total += state[2 * i + kForce];
   }
+  return -total;
+}
+
+// The Stribeck curve and what is left of a difference to it, at the mean velocity of the interval.
+double level_of(const double* c, const Motion& m, double scale) {
+  return gms::stribeck_level(m, c[0], c[1], c[2], c[3]) * scale;
+}
+double left_of(const double* c, const Motion& m, double level) {
+  return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
+}
+
+// Each element sticks or slides at `level`, of which `left` is what has not decayed over the interval. Without branches,
+// so that compilers take several elements at a time, and nobody has to guess what an element does.
+GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, double level, double left,
+                   const double* __restrict state, double* __restrict next) {
+  const double *stiffness = p, *fraction = p + n;
+  const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction), most = p[2 * n + 1] * scale;
+  const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
+  const bool slips_back = at.stiffens;
+  for (int i = 0; i < n; i++) {
+    // Forces here grow in the direction of motion.
+    const double before = direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
+    const double limit = fraction[i] * level, lowest = -fraction[i] * most, stuck = before + stiffness[i] * distance;
+    // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
+    // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. Where what modulates
+    // friction no longer lets it carry its force it gives way: a limit that has dropped, the stiffness being what it was,
+    // is no slip in the direction of motion.
+    const double reach = slip == direction ? kAnyForce : stuck;
+    const double least = slip == direction ? -kAnyForce : stuck < lowest ? lowest - limit : 0;
+    const double gives = slips_back ? lowest : -kAnyForce;
+    const double beyond = before - limit, slides = limit + (beyond > least ? beyond : least) * left;
+    const double force = reach > limit ? slides : stuck < lowest ? lowest : stuck;
+    const double slipping = reach > limit ? direction : 0;
+    next[2 * i + kForce] = direction * (reach < gives ? slides : force);
+    next[2 * i + kSlip] = reach < gives ? direction : slipping;
+  }
+  double total = 0;
+  for (int i = 0; i < n; i++) total += next[2 * i + kForce];
+  return -total;
+}
+
+// One step after the other for all joints: nothing waits for the joint before, and nobody guesses what it does.
+void torques(const double* p, int n, int count, const Motion* m, const Level* level, const double* const* state,
+             double* const* next, double* out) {
+  const double* c = p + 2 * n;
+  double s[gms::kTogether], left[gms::kTogether];
+  for (int j = 0; j < count; j++) s[j] = level_of(c, m[j], level[j].at(m[j].displacement));
+  for (int j = 0; j < count; j++) left[j] = left_of(c, m[j], s[j]);
+  for (int j = 0; j < count; j++) {
+    out[j] = m[j].displacement == 0 ? keep(n, state[j], next[j])
+                                    : move(p, n, m[j], level[j], s[j], left[j], state[j], next[j]);
+  }
+}
+
+double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
+  if (m.displacement == 0) return keep(n, state, next);
+  // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
+  const double *stiffness = p, *fraction = p + n;
   const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
-  const double distance = (level.stiffens ? scale : 1) * std::fabs(m.displacement), least = c[0] * scale, most = c[1] * scale;
-  // Forces here grow in the direction of motion. While every element sticks well below its limit nobody needs the
-  // Stribeck curve, which is dear.
-  int i = 0;
-  for (; i < n; i++) {
-    if (state[2 * i + kSlip] == direction) break;
+  const double distance = (level.stiffens ? scale : 1) * std::fabs(m.displacement);
+  const double least = p[2 * n] * scale, most = p[2 * n + 1] * scale;
+  double total = 0;
+  for (int i = 0; i < n; i++) {
     const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
-    if (!(force <= fraction[i] * least && force >= -fraction[i] * most)) break;
+    if (state[2 * i + kSlip] == direction || !(force <= fraction[i] * least && force >= -fraction[i] * most)) {
+      const double s = level_of(p + 2 * n, m, scale);
+      return move(p, n, m, level, s, left_of(p + 2 * n, m, s), state, next);
+    }
     next[2 * i + kForce] = direction * force;
     next[2 * i + kSlip] = 0;
-    total += force;
-  }
-  if (i == n) return -direction * total;
-
-  const double s = gms::stribeck_level(m.rate(), c[0], c[1], c[2], c[3]) * scale;
-  const double decay = s > 0 ? gms::decay(c[4] * m.duration / s) : 0;
-  for (; i < n; i++) {
-    const double limit = fraction[i] * s;
-    double force = direction * state[2 * i + kForce], slip = direction;
-    if (state[2 * i + kSlip] != direction) {  // it sticks, or has just reversed and sticks again
-      const double stuck = force + stiffness[i] * distance, lowest = -fraction[i] * most;
-      if (stuck < lowest) {  // what modulates friction no longer lets it carry its force: gives way
-        force = lowest;
-        if (!level.stiffens) slip = 0;  // a limit that has dropped is no slip in the direction of motion
-      } else if (stuck > limit) {
-        // An element that reaches its limit inside the interval slides at it for the rest; one that the level has
-        // dropped below keeps its force and relaxes.
-        if (force < limit) force = limit;
-      } else {
-        force = stuck;
-        slip = 0;
-      }
-    }
-    if (slip != 0) force = limit + (force - limit) * decay;
-    next[2 * i + kForce] = direction * force;
-    next[2 * i + kSlip] = slip;
     total += force;
   }
   return -direction * total;
@@ -101,4 +132,5 @@ const gms::Effect gms_effect_gms = {
     torque,
     element,
     true,
+    torques,
 };

@@ -11,7 +11,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
               double* next) {
   const double direction = gms::sign(m.displacement);
   next[0] = direction == 0 ? state[0]
-                           : direction * level.at(direction) * gms::stribeck_level(m.rate(), p[0], p[1], p[2], p[3]);
+                           : direction * level.at(direction) * gms::stribeck_level(m, p[0], p[1], p[2], p[3]);
   return -next[0];
 }
 

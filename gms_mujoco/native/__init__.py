@@ -57,6 +57,8 @@ class _Effect(ctypes.Structure):
         ("modulate", ctypes.c_void_p),
         ("torque", ctypes.c_void_p),
         ("element", ctypes.c_void_p),
+        ("turns_round", ctypes.c_bool),
+        ("torques", ctypes.c_void_p),
     )
 
 

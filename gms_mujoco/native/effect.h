@@ -12,6 +12,18 @@
 #include <limits>
 #endif
 
+// Before a function that is not to be merged into its callers: what is called in every step, often for nothing, stays
+// short. GMS_SELDOM: besides, it is called seldom.
+#if defined(GMS_MUJOCO_KERNEL)
+#define GMS_APART inline
+#elif defined(_MSC_VER)
+#define GMS_APART __declspec(noinline)
+#define GMS_SELDOM __declspec(noinline)
+#else
+#define GMS_APART __attribute__((noinline))
+#define GMS_SELDOM __attribute__((noinline, cold))
+#endif
+
 namespace gms {
 
 #ifndef GMS_MUJOCO_KERNEL
@@ -19,6 +31,7 @@ constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 #endif
 constexpr int kMaxParameters = 12;
+constexpr int kTogether = 16;  // joints that an effect is asked for at once, at most
 
 // What the joint does over one interval, in SI units (rad and N m for a hinge, m and N for a slide).
 struct Motion {
@@ -90,6 +103,11 @@ struct Effect {
   // state with the other sign, whatever the parameters and wherever the joint stands. Of a periodic motion that is
   // alike in both directions half is then enough.
   bool turns_round = false;
+
+  // What `torque` gives, to the last bit, for up to kTogether joints with the same parameters, of which each has its
+  // motion, level and states: for speed alone. Null: `torque` is called for each.
+  void (*torques)(const double* p, int n, int count, const Motion* motion, const Level* level,
+                  const double* const* state, double* const* next, double* torque) = nullptr;
 };
 
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per
@@ -134,12 +152,22 @@ inline double decay(double x) {
 #endif
 
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
-// 2014, equation 1, without its viscous term).
-inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta) {
-  if (static_level == coulomb) return coulomb;
-  const double x = std::fabs(v) / vs;
-  const double y = delta == 1 ? x : delta == 2 ? x * x : std::pow(x, delta);
+// 2014, equation 1, without its viscous term), at v / Vs.
+inline double weakened(double x, double coulomb, double static_level, double delta) {
+  const double size = std::fabs(x), y = delta == 1 ? size : delta == 2 ? x * x : std::pow(size, delta);
   return coulomb + (static_level - coulomb) * decay(y);
+}
+
+inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta) {
+  return static_level == coulomb ? coulomb : weakened(v / vs, coulomb, static_level, delta);
+}
+
+// At the mean velocity of an interval, with one division for both.
+inline double stribeck_level(const Motion& m, double coulomb, double static_level, double vs, double delta) {
+  if (static_level == coulomb) return coulomb;
+  const bool lasts = m.duration > 0;
+  const double x = (lasts ? m.displacement : m.velocity) / (lasts ? m.duration * vs : vs);
+  return weakened(x, coulomb, static_level, delta);
 }
 
 }  // namespace gms

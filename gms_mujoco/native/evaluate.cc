@@ -22,7 +22,7 @@ void apply(Unit* x, mjData* d, double f) {
 
 // Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
 // that is left for the coupling between joints, and below it the explicit step is the more accurate one.
-void choose_integration(const mjModel* m, Group* g, Unit* x) {
+GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
   g->n_late -= x->late();
   x->timestep = m->opt.timestep;
   x->weight = m->dof_invweight0[x->dof];
@@ -54,7 +54,7 @@ double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, 
 }
 
 // The torque to begin with where the last advance has not left just this.
-double look(const mjModel* m, mjData* d, const Unit& x, double* state, double* book) {
+GMS_SELDOM double look(const mjModel* m, mjData* d, const Unit& x, double* state, double* book) {
   // Setting a position after a reset, or turning time back, is no motion.
   if (d->time < state[1]) book[kFresh] = 1;
   if (book[kFresh] != 0 && !(d->time > state[1])) set_out(x, d);
@@ -160,9 +160,25 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   }
 }
 
+// The step is over. Notes where the joint is now, and says how it has moved.
+inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x) {
+  double *state = d->plugin_state + x.state_start, *book = state + x.n_state;
+  if (x.reads_load) {  // what the drive gives, less what friction and the rotor take
+    const double drive = (m->nactuator > 0 ? d->qfrc_actuator : d->qfrc_applied)[x.dof];
+    book[kLoad] = drive + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
+  }
+  book[kFresh] = 0;
+  book[kAheadVelocity] = d->qvel[x.dof];
+  if (x.late()) {
+    book[kPastAcceleration] = d->qacc[x.dof];
+    book[kSlope] = book[kNextSlope];
+  }
+  return Joint::since(x.now(d), state);
+}
+
 }  // namespace
 
-void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) {
+GMS_APART void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) {
   for (Unit& x : instance->units) {
     if (x.timestep != m->opt.timestep || x.weight != m->dof_invweight0[x.dof]) choose_integration(m, g, &x);
     if (x.asleep(d)) continue;
@@ -184,7 +200,7 @@ void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) 
   }
 }
 
-void compute_late(const mjModel* m, mjData* d, Group* g) {
+GMS_APART void compute_late(const mjModel* m, mjData* d, Group* g) {
   const double* torque = actuator_torque(m, d, g);
   if (!torque) {  // MuJoCo goes on from the forces as they are now, once we return
     std::copy(d->actuator_force, d->actuator_force + m->nout, g->force.begin());
@@ -202,24 +218,34 @@ void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bia
   evaluate_late(m, d, g, bias, g->actuator.data());
 }
 
-void advance(const mjModel* m, mjData* d, const Instance& instance) {
-  const double* drive = m->nactuator > 0 ? d->qfrc_actuator : d->qfrc_applied;
-  double next[Joint::kMaxState];
-  for (const Unit& x : instance.units) {
-    double *state = x.state(d), *book = state + x.n_state;
-    if (x.asleep(d)) {
-      if (!std::isnan(state[1])) state[1] = d->time;
-      continue;
+void advance(const mjModel* m, mjData* d, Instance* instance) {
+  const Joint& joint = *instance->joint;
+  const int size = joint.n_state();
+  Together& t = instance->together;
+  if (instance->units.size() == 1 && !instance->units[0].asleep(d)) {
+    const Unit& x = instance->units[0];
+    double* state = x.state(d);
+    state[size + kAhead] = joint.torque_over(arrive(m, d, x), state, t.next[0]);
+    std::memcpy(state, t.next[0], size * sizeof(double));
+    return;
+  }
+  const Unit *x = instance->units.data(), *end = x + instance->units.size();
+  while (x < end) {
+    int n = 0;
+    for (; x < end && n < kTogether; x++) {
+      if (x->asleep(d)) {
+        double* state = x->state(d);
+        if (!std::isnan(state[1])) state[1] = d->time;
+        continue;
+      }
+      t.state[n] = x->state(d);
+      t.motion[n++] = arrive(m, d, *x);
     }
-    if (x.reads_load) {  // what the drive gives, less what friction and the rotor take
-      book[kLoad] = drive[x.dof] + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
+    if (n > 0) joint.torques(n, t.motion, t.state, t.next, t.torque);
+    for (int j = 0; j < n; j++) {
+      std::memcpy(t.state[j], t.next[j], size * sizeof(double));
+      t.state[j][size + kAhead] = t.torque[j];
     }
-    book[kAhead] = x.joint->torque(x.now(d), state, next);
-    book[kAheadVelocity] = d->qvel[x.dof];
-    book[kPastAcceleration] = d->qacc[x.dof];
-    book[kFresh] = 0;
-    book[kSlope] = book[kNextSlope];
-    std::memcpy(state, next, x.n_state * sizeof(double));
   }
 }
 

@@ -19,7 +19,7 @@ void compute_late(const mjModel* m, mjData* d, Group* g);
 void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias);
 
 // The motion over the step has happened: the state moves on to where the joints are now.
-void advance(const mjModel* m, mjData* d, const Instance& instance);
+void advance(const mjModel* m, mjData* d, Instance* instance);
 
 }  // namespace gms
 

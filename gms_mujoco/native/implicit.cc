@@ -28,13 +28,15 @@ void multiply(const Tree& tree, const double* x, double* y) {
 
 }  // namespace
 
-void Implicit::reserve(int n_units, int n, int n_value) {
+void Implicit::reserve(int n_units, int n_state, int n, int n_value) {
   units.resize(n_units);
   factor_.resize(n_value);
   for (std::vector<double>* v : {&diagonal_, &path_, &change_, &product_}) v->resize(n);
   for (std::vector<double>* v : {&free_, &push_, &solved_}) v->resize(n_units);
   response_.resize(n_units * n_units);
   search_.resize(n_units);
+  open_.resize(n_units);
+  together_.reserve(n_state);
 }
 
 // M = L' D L in place, from the leaves to the root.
@@ -189,22 +191,46 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   return false;
 }
 
+// The law at the velocities `origin` of some units, given by number, into `torque`.
+void Implicit::evaluate(const int* number, int count, const double* velocity, double h) {
+  Together& t = together_;
+  for (int i = 0, n; i < count; i += n) {
+    const Joint* joint = units[number[i]].joint;
+    for (n = 0; n < kTogether && i + n < count && units[number[i + n]].joint == joint; n++) {
+      const Unit& u = units[number[i + n]];
+      const double v = u.origin, side = v > u.still ? 1 : v < u.still ? -1 : sign(velocity[u.dof]);
+      t.motion[n] = Joint::ahead(u.now, u.state, h, v, side);
+      t.state[n] = u.state;
+    }
+    joint->torques(n, t.motion, t.state, t.next, t.torque);
+    for (int j = 0; j < n; j++) units[number[i + j]].torque = t.torque[j];
+  }
+}
+
 void Implicit::solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h) {
   for (int i = 0; i < count; i++) {
     Unit& u = units[i];
-    const double now = velocity[u.dof], free = now + dv[u.dof], start = u.torque;
-    const double gain = h * u.weight / (1 + (damping ? h * u.weight * damping[u.dof] : 0));
-    double v = free;
-    for (int k = 0; k < 4; k++) {
-      u.torque = u.joint->torque_ahead(u.now, u.state, h, v, v > u.still ? 1 : v < u.still ? -1 : sign(now));
-      const double change = u.torque - start, off = free + gain * change - v;
+    u.start = u.torque;
+    u.origin = velocity[u.dof] + dv[u.dof];
+    u.slope = -1;
+    open_[i] = i;
+  }
+  for (int k = 0; k < 4 && count > 0; k++) {
+    evaluate(open_.data(), count, velocity, h);
+    int left = 0;
+    for (int j = 0; j < count; j++) {
+      Unit& u = units[open_[j]];
+      const double now = velocity[u.dof], free = now + dv[u.dof], v = u.origin;
+      const double gain = h * u.weight / (1 + (damping ? h * u.weight * damping[u.dof] : 0));
+      const double change = u.torque - u.start, off = free + gain * change - v;
       // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
       const double chord = v == u.still ? 0 : std::max(0.0, -change / (v - u.still));
       const bool onward = (v - u.still) * (now - u.still) > 0;
-      if (std::fabs(off) * (onward ? chord : u.steepest) <= kLeft * std::fabs(change)) break;
-      v += off / (1 + gain * chord);
+      if (std::fabs(off) * (onward ? chord : u.steepest) <= kLeft * std::fabs(change)) continue;
+      u.origin = v + off / (1 + gain * chord);
+      open_[left++] = open_[j];
     }
-    u.slope = -1;
+    count = left;
   }
 }
 

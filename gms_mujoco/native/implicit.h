@@ -39,7 +39,7 @@ class Implicit {
     double weight;        // inverse inertia at the joint, roughly
     double steepest;      // Joint::slope
     Sample now;
-    const double* state;  // the joint's, at the anchor
+    double* state;        // the joint's, at the anchor
     double torque;        // in: at the anchor; out: over the step
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
 
@@ -54,7 +54,8 @@ class Implicit {
 
   std::vector<Unit> units;  // filled by the caller for each step
 
-  void reserve(int n_units, int n, int n_value);
+  // For so many units with up to n_state numbers of state each, and a matrix of n rows with n_value numbers.
+  void reserve(int n_units, int n_state, int n, int n_value);
 
   // The first `count` units. `damping` (n) and `velocity` (n); `tau` (n) is the net torque
   // without that of the units.
@@ -64,6 +65,7 @@ class Implicit {
   bool settled(Unit* unit, double velocity, double now, double reaction, double h) const;
   void tangent(Unit* unit, double at, double h) const;
   void hold_or_start(Unit* unit, double side, double h) const;
+  void evaluate(const int* number, int count, const double* velocity, double h);
   void solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h);
   void refresh(int count, const Tree& inertia, const double* damping, double h, bool anew);
   void factor(const Tree& tree);
@@ -73,6 +75,8 @@ class Implicit {
 
   std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;
+  std::vector<int> open_;  // units that are not solved for yet
+  Together together_;
 };
 
 }  // namespace gms

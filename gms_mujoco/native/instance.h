@@ -58,12 +58,13 @@ struct Instance {
   std::unique_ptr<Joint> joint = std::make_unique<Joint>();
   int id = -1;
   std::vector<Unit> units;
+  Together together;
 };
 
 // All instances of one mjData, and room to work in. Owned by its instances together.
 struct Group {
   std::vector<Instance*> instances;
-  int n_late = 0;
+  int n_late = 0, most_state = 0;
   bool inside = false;  // mj_fwdActuation, called by us
   Implicit implicit;
   std::vector<double> tau, actuator, bias, force;

@@ -41,13 +41,37 @@ void Joint::recall(const double* unknown, double* state) const {
   }
 }
 
-double Joint::torque(const Sample& now, const double* state, double* next, double* parts) const {
-  Motion motion{now.position, 0, now.velocity, 0, now.time, now.load, now.temperature};
-  if (!std::isnan(state[0])) {
-    motion.displacement = now.position - state[0];
-    motion.duration = std::max(now.time - state[1], 0.0);
+void Joint::torques(int count, const Motion* motion, const double* const* state, double* const* next,
+                    double* total) const {
+  static const Level kPlain[kTogether];
+  if (count == 1) {
+    *total = torque_over(*motion, *state, *next);
+    return;
   }
-  return next ? torque(motion, state, next, parts) : torque_only(motion, state, parts);
+  Level modulated[kTogether];
+  const Level* level = modulators_.empty() ? kPlain : modulated;
+  for (int j = 0; j < count; j++) {
+    next[j][0] = motion[j].position;
+    next[j][1] = motion[j].time;
+    for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion[j], modulated[j]);
+  }
+  const bool alone = only_.effect;
+  double part[kTogether], *out = alone ? total : part;
+  for (int j = 0; j < count && !alone; j++) total[j] = 0;
+  for (const Call& x : torques_) {
+    const double* from[kTogether];
+    double* to[kTogether];
+    for (int j = 0; j < count; j++) {
+      from[j] = state[j] + x.state;
+      to[j] = next[j] + x.state;
+    }
+    if (x.effect->torques) {
+      x.effect->torques(x.p, x.n, count, motion, level, from, to, out);
+    } else {
+      for (int j = 0; j < count; j++) out[j] = x.effect->torque(x.p, x.n, motion[j], level[j], from[j], to[j]);
+    }
+    for (int j = 0; j < count && !alone; j++) total[j] += part[j];
+  }
 }
 
 double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
@@ -61,15 +85,6 @@ double Joint::sum(const Motion& motion, const double* state, double* next, doubl
     total += part;
   }
   return total;
-}
-
-double Joint::torque_ahead(const Sample& now, const double* state, double h, double v, double side) const {
-  constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
-  const bool fresh = std::isnan(state[0]);
-  double moved = (fresh ? 0 : now.position - state[0]) + h * v;
-  if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill
-  const double duration = (fresh ? 0 : std::max(now.time - state[1], 0.0)) + h;
-  return torque_only(Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature}, state);
 }
 
 double Joint::implicit_torque(const Sample& now, const double* state, double h, double free_velocity,

@@ -52,11 +52,45 @@ class Joint {
 
   // Torque on the joint at `now`, given the state at the anchor. Writes the state at `now` to `next` (may be
   // null) and the torque of each effect to `parts` (may be null). `state` and `next` may not overlap.
-  double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const;
+  double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const {
+    const Motion motion = since(now, state);
+    return next ? torque_over(motion, state, next, parts) : torque_only(motion, state, parts);
+  }
+  double torque_over(const Motion& motion, const double* state, double* next, double* parts = nullptr) const {
+    next[0] = motion.position;
+    next[1] = motion.time;
+    if (!only_.effect || parts) return sum(motion, state, next, parts);
+    return only_.effect->torque(only_.p, only_.n, motion, Level(), state + only_.state, next + only_.state);
+  }
 
-  // Torque at the end of a step of length h from `now` that ends with velocity v. Where that is no displacement,
-  // `side` says from which side: +1 or -1.
-  double torque_ahead(const Sample& now, const double* state, double h, double v, double side) const;
+  // The same for up to kTogether joints with this friction, from state[j] to next[j], given how each has moved.
+  void torques(int count, const Motion* motion, const double* const* state, double* const* next, double* torque) const;
+
+  // How a joint has moved from where its state holds to `now`.
+  static Motion since(const Sample& now, const double* state) {
+    Motion motion{now.position, 0, now.velocity, 0, now.time, now.load, now.temperature};
+    if (!std::isnan(state[0])) {
+      motion.displacement = now.position - state[0];
+      motion.duration = now.time > state[1] ? now.time - state[1] : 0;
+    }
+    return motion;
+  }
+
+  // How it moves from there to the end of a step of length h from `now` that ends with velocity v. Where that is no
+  // displacement, `side` says from which side: +1 or -1.
+  static Motion ahead(const Sample& now, const double* state, double h, double v, double side) {
+    constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
+    const bool fresh = std::isnan(state[0]);
+    double moved = (fresh ? 0 : now.position - state[0]) + h * v;
+    if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill
+    const double duration = (fresh || !(now.time > state[1]) ? 0 : now.time - state[1]) + h;
+    return Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature};
+  }
+
+  // Torque at the end of such a step.
+  double torque_ahead(const Sample& now, const double* state, double h, double v, double side) const {
+    return torque_only(ahead(now, state, h, v, side), state);
+  }
 
   // Torque over a backward-Euler step of length h from `now`: the f that solves
   //   v = free_velocity + gain f,  f in f(q + h v, v),
@@ -82,15 +116,9 @@ class Joint {
 
  private:
   double slope_once(double h) const;
-  double torque(const Motion& motion, const double* state, double* next, double* parts) const {
-    next[0] = motion.position;
-    next[1] = motion.time;
-    if (!only_.effect || parts) return sum(motion, state, next, parts);
-    return only_.effect->torque(only_.p, only_.n, motion, Level(), state + only_.state, next + only_.state);
-  }
   double torque_only(const Motion& motion, const double* state, double* parts = nullptr) const {
     double next[kMaxState];
-    return torque(motion, state, next, parts);
+    return torque_over(motion, state, next, parts);
   }
   double sum(const Motion& motion, const double* state, double* next, double* parts) const;
 
@@ -106,6 +134,20 @@ class Joint {
   int n_state_ = kAnchor;
   int n_memory_ = 0;
   bool has_load_ = false;
+};
+
+// What Joint::torques is asked for, and room for what it answers: of up to kTogether joints.
+struct Together {
+  Motion motion[kTogether];
+  double *state[kTogether], *next[kTogether], torque[kTogether];
+
+  void reserve(int n_state) {
+    room_.resize(static_cast<size_t>(kTogether) * n_state);
+    for (int i = 0; i < kTogether; i++) next[i] = room_.data() + static_cast<size_t>(i) * n_state;
+  }
+
+ private:
+  std::vector<double> room_;
 };
 
 }  // namespace gms

@@ -100,7 +100,8 @@ int init(const mjModel* m, mjData* d, int id) {
       for (const Unit& x : made->instance.units) g.n_late += x.late();
       const int n = static_cast<int>(taken.size());
       g.active.resize(n);
-      g.implicit.reserve(n, m->nv, m->nC);
+      g.most_state = std::max(g.most_state, made->instance.joint->n_state());
+      g.implicit.reserve(n, g.most_state, m->nv, m->nC);
       g.force.resize(m->nout);
       for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias}) v->resize(m->nv);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
@@ -144,7 +145,7 @@ void reset(const mjModel* m, mjtNum* state, void*, int id) {
 }
 
 // Another model of the same layout may run on this data (mujoco.batch.Batch.set_models): its friction counts.
-void follow(const mjModel* m, int id, Handle* h) {
+GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
   char message[kMessage] = "";
   {
     Instance &mine = h->instance, other;
@@ -157,6 +158,7 @@ void follow(const mjModel* m, int id, Handle* h) {
       for (const Unit& x : mine.units) h->group->n_late -= x.late();
       mine.joint = std::move(other.joint);
       mine.units = std::move(other.units);
+      mine.together.reserve(mine.joint->n_state());
       for (const Unit& x : mine.units) h->group->n_late += x.late();
       h->model = m;
     } else {
@@ -166,24 +168,28 @@ void follow(const mjModel* m, int id, Handle* h) {
   if (message[0]) engine.mju_error("%s", message);
 }
 
+// The late joints of a model in which nothing calls us after the passive forces.
+GMS_SELDOM void take_now(const mjModel* m, mjData* d, Group* g) {
+  if (called_later(m)) return;
+  double* bias = g->bias.data();
+  std::fill(bias, bias + m->nv, 0.0);
+  engine.mj_rne(m, d, 0, bias);
+  gms::compute_unactuated(m, d, g, bias);
+}
+
 void compute(const mjModel* m, mjData* d, int id, int capability) {
   Handle* h = handle(d, id);
-  if (h->model != m) follow(m, id, h);
   Group* g = h->group.get();
-  const bool last = &h->instance == g->instances.back();
+  if (h->model != m) follow(m, id, h);
   if (capability == mjPLUGIN_PASSIVE) {
     gms::compute_passive(m, d, g, &h->instance);
-    if (!last || g->n_late == 0 || called_later(m)) return;
-    double* bias = g->bias.data();
-    std::fill(bias, bias + m->nv, 0.0);
-    engine.mj_rne(m, d, 0, bias);
-    gms::compute_unactuated(m, d, g, bias);
-  } else if (last && g->n_late > 0 && !g->inside) {
+    if (g->n_late > 0 && &h->instance == g->instances.back()) take_now(m, d, g);
+  } else if (g->n_late > 0 && &h->instance == g->instances.back() && !g->inside) {
     gms::compute_late(m, d, g);
   }
 }
 
-void advance(const mjModel* m, mjData* d, int id) { gms::advance(m, d, handle(d, id)->instance); }
+void advance(const mjModel* m, mjData* d, int id) { gms::advance(m, d, &handle(d, id)->instance); }
 
 }  // namespace
 

@@ -26,7 +26,7 @@ class SingleAxis {
       joint.reset(state_.data());
     }
     implicit_ = implicit < 0 ? h * steepest_ * mobility_ > kExplicitLimit : implicit != 0;
-    solver_.reserve(1, 1, 1);
+    solver_.reserve(1, joint.n_state(), 1, 1);
   }
 
   // Torque of the effects over the step from `now`, beside the torque `applied`.
