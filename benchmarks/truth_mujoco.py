@@ -16,6 +16,9 @@ EFFECTS = (
 # A motor that does not turn electrically: what dcmotor adds to the joint by itself.
 _DCMOTOR = '<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" '
 
+# The bristle of LuGre follows the speed step by step: at FINE it is late by as much as 0.5 % of the torque.
+_FINER = 4
+
 Values = dict[str, float]
 
 
@@ -63,7 +66,7 @@ def sized(axis: Axis, name: str, strength: float, seen: list[Run]) -> Values:
 
 def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     """The axis with the hidden effects, and time steps per sample."""
-    parts = math.ceil(1 / axis.rate / FINE)
+    parts = math.ceil(1 / axis.rate / FINE) * (_FINER if axis.friction == "lugre" else 1)
     step = 1 / axis.rate / parts
     second = hidden.get("flexible_coupling") or hidden.get("backlash")
     own = axis.inertia - (second["inertia"] if second else 0.0)

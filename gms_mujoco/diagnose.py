@@ -14,8 +14,9 @@ from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import FitResult, Progress, baseline, fit_observations, relative_error
+from .fit import Progress, baseline, relative_error
 from .frf_observation import Seen
+from .friction_law import FrictionLaw, would_be_better
 from .held_out import p_value
 from .inverse import Observation
 from .observe import observe
@@ -25,8 +26,6 @@ from .remainder import describe
 from .screen import Screen
 from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
-
-_MUCH = 0.5  # of the squared error above the floor: another law of friction that leaves less than that is told
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,8 @@ class Diagnosis:
             validate = "-" if s.validate_error is None else f"{100 * s.validate_error:.2f}"
             lines.append(f"{name:32}  {100 * s.result.error:8.2f}  {validate:>8}")
         lines.append(f"{'noise floor':32}  {'':8}  {100 * self.noise_floor:8.2f}")
-        for s in self.steps[1:]:
-            lines += ["", s.evidence]
+        for s in self.steps:
+            lines += ["", s.evidence] if s.evidence else []
             if s.confusable_with:
                 lines.append(f"These records cannot tell it from {', '.join(s.confusable_with)}.")
         if self.remainder:
@@ -131,6 +130,7 @@ def _step_dict(step: Step, final: Plant) -> dict[str, Any]:
         out["confusable_with"] = list(step.confusable_with)
         out["p_value"] = step.p_value
         out["parameters"] = final.table(step.effect)
+    if step.evidence:
         out["evidence"] = step.evidence
     return out
 
@@ -148,6 +148,11 @@ def diagnose(
     plant. One is added if it lowers the error on blocks of the fit records that its fit has not seen (and on the
     select records where there are some), significantly after control of the false discovery rate over the whole
     catalogue. The validate records are scored once, after the choice.
+
+    The default baseline has `gms` friction. Where that does not reach the noise floor, `lugre` in its place is fitted
+    too, before effects are looked for and beside those that were found, and takes it where it passes the same tests
+    and leaves less than any effect would. A law of your own `plant` stays: what another would do is told in the
+    remainder.
 
     Args:
         runs: a measurement set with at least one fit record.
@@ -171,13 +176,24 @@ def diagnose(
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
     search = Search(seen, select, start)
+    friction = FrictionLaw(search, free=plant is None)
     search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
     for k in range(MOST_ROUNDS):
         lower, width = 0.22 + 0.6 * k / MOST_ROUNDS, 0.6 / MOST_ROUNDS
+        law = friction.better()
+        if law is not None and law.clear:
+            friction.take(law)
+            continue
         if len(search.steps) <= MOST_EFFECTS and search.add_one(
             lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
         ):
-            exchange(search)
+            if law is not None and law.held_out.total < search.held_out.total:
+                friction.take(law)
+            else:
+                exchange(search)
+            continue
+        if law is not None:
+            friction.take(law)
             continue
         report(lower + width, "checking the order")
         if not drop_false(search):
@@ -192,7 +208,7 @@ def diagnose(
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
-                evidence=_evidence(search.steps[i - 1], s) if i else "")
+                evidence=_evidence(search.steps[i - 1], s) if i else friction.said)
         for i, s in enumerate(search.steps)
     )  # fmt: skip
     comparison = steps[-1].comparison
@@ -201,7 +217,8 @@ def diagnose(
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    found = _conclude(steps, rejected, floor, search, late)
+    said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
+    found = _conclude(steps, rejected, floor, search, said)
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
@@ -210,7 +227,7 @@ def diagnose(
 
 
 def _conclude(
-    steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, late: str
+    steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, said: tuple[str, ...]
 ) -> Diagnosis:
     last = steps[-1].result
     at_floor = search.at_floor and _holds([s.comparison for s in steps if s.comparison is not None])
@@ -218,7 +235,7 @@ def _conclude(
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
     if not at_floor:
-        said = (describe(last.misfit, last.vector), late, search.hint, _other_law(last), _other_curve(search))
+        said = (describe(last.misfit, last.vector), *said, _other_curve(search))
         remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
@@ -270,23 +287,6 @@ def _holds(comparisons: Sequence[Comparison]) -> bool:
         return True
     best = min(c.torque_error for c in comparisons[:-1])
     return comparisons[-1].torque_error <= max(best, AT_FLOOR * comparisons[-1].noise_floor)
-
-
-def _other_law(last: FitResult) -> str:
-    """What one bristle in the place of the Maxwell elements would leave, where that is much less; else nothing.
-
-    A friction without memory of its reversals is nothing that can be added to one with it, so no step tries it.
-    """
-    observations = last.misfit.observations
-    if "gms" not in last.plant or "lugre" in last.plant or not any(isinstance(o, Observation) for o in observations):
-        return ""
-    other = fit_observations(last.plant.without("gms") + effects.find("lugre")(), observations)
-    if other.error**2 - last.floor**2 > _MUCH * (last.error**2 - last.floor**2):
-        return ""
-    return (
-        f"friction is better described by lugre in the place of gms: {100 * other.error:.2f} % of the torque would be "
-        f"left instead of {100 * last.error:.2f} %"
-    )
 
 
 def _other_curve(search: Search) -> str:

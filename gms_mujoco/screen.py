@@ -542,8 +542,8 @@ def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
     return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])
 
 
-# Laws of which `gms` is the general form: beside it they have nothing of their own to add. It and `lugre` are no small
-# change of anything else, and a plant without them was chosen so.
+# Laws of which `gms` and `lugre` are the general forms: beside them they have nothing of their own to add. These two
+# are no small change of anything else, and a plant without them was chosen so.
 _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 
 
@@ -557,7 +557,7 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
     Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
     none that counts revolutions; and from frequency responses alone none that they cannot show.
     """
-    contained = _SPECIAL_LAWS if "gms" in plant else ("gms", "lugre")
+    contained = _SPECIAL_LAWS if "gms" in plant or "lugre" in plant else ("gms", "lugre")
     if observations and all(isinstance(o, FrfObservation) for o in observations):
         sizes = np.abs(np.concatenate([o.torque for o in observations if isinstance(o, FrfObservation)]))
         one_level = sizes.max() < 2 * sizes.min()  # a limit is then a gain like any other

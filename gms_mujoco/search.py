@@ -112,7 +112,7 @@ class Search:
     @property
     def at_floor(self) -> bool:
         """Whether what the current plant leaves on held-out blocks is as good as noise."""
-        return bool(self.held_out.total <= AT_FLOOR**2 * _floor(self.steps[-1].result))
+        return bool(self.held_out.total <= AT_FLOOR**2 * floor_of(self.steps[-1].result))
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
@@ -120,7 +120,7 @@ class Search:
             result = fit_observations(self.start, early, progress=report)
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
-        self._bend()
+        self.bend()
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
@@ -169,7 +169,7 @@ class Search:
             for t in trials
             if _swings(t.result.plant[t.name])
             and t.result.error > AT_FLOOR * t.result.floor
-            and self._is_worth_it(t.result, t.held_out)
+            and self.is_worth_it(t.result, t.held_out)
         ]
         if not swinging or not all(isinstance(o, Observation) for o in self.seen):
             return False
@@ -196,9 +196,9 @@ class Search:
             t
             for t in trials
             if t.name in passed
-            and self._is_worth_it(t.result, t.held_out, 0.0 if t.name in now.result.plant else LEAST_SHARE)
+            and self.is_worth_it(t.result, t.held_out, 0.0 if t.name in now.result.plant else LEAST_SHARE)
             and carries(t.name, now.result, t.result)
-            and self._selects(t.result)
+            and self.selects(t.result)
         ]
         if not earned:
             return False
@@ -210,7 +210,7 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if self._bend() or self._early():  # what was chosen beside the wrong curve is chosen again
+        if self.bend() or self._early():  # what was chosen beside the wrong curve is chosen again
             self.first(lambda done, message: None)
         return True
 
@@ -243,7 +243,7 @@ class Search:
             found[f"{one.effect.name} and {other.effect.name}"] = p, both, alone, other if alone is one else one
         p_values = p_values | {k: p for k, (p, *_) in found.items()}
         passed = discoveries(p_values)
-        floor = _floor(now.result)
+        floor = floor_of(now.result)
         worth = [
             (both.total, k, alone, other)
             for k, (_, both, alone, other) in found.items()
@@ -273,17 +273,17 @@ class Search:
             singles.append(Trial(name, single, cross_validated(single.misfit, single.vector)))
         beside = list(zip(singles, (second, first), strict=True))
         beside_p = [self._beside(s.result, s.held_out, Trial(n, result, held_out)) for s, n in beside]
-        floor = min(floor, _floor(result))
+        floor = min(floor, floor_of(result))
         earned = (
             label in discoveries(p_values | {label: max(beside_p)})
             and all(_takes(s.held_out.total, held_out.total, floor) for s in singles)
             and all(carries(n, s.result, result) for s, n in beside)
-            and self._selects(result)
+            and self.selects(result)
         )
         if earned:
             self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
-            if self._bend():
+            if self.bend():
                 self.first(lambda done, message: None)
         return earned
 
@@ -291,7 +291,7 @@ class Search:
         """p value of an effect that was added to a fit."""
         return max(p_value(before, trial.held_out), self._beyond_speed(base, trial.name, trial.result))
 
-    def _bend(self) -> bool:
+    def bend(self) -> bool:
         """Gives the Stribeck curve another exponent, which no fit frees, where friction over speed asks for it."""
         bent = False
         if self.at_floor or not self.bent:
@@ -305,7 +305,7 @@ class Search:
                 other = last.result.plant.replace(now.replace(stribeck_exponent=exponent))
                 result = refine(Misfit(other, self.seen), last.result.vector)
                 held_out = cross_validated(result.misfit, result.vector)
-                if self._is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
+                if self.is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
                     bent = True
                     self.steps[-1] = replace(last, result=result, held_out=held_out)
                     if effect.name in self.start:
@@ -319,13 +319,13 @@ class Search:
         self.seen = early or self.seen
         return early is not None
 
-    def _is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
+    def is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
         """Whether an effect takes a good part of what noise does not explain; at the noise floor, of everything.
 
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
         more harmonic of an effect that is there already, no new cause, asks for no `share`.
         """
-        floor = 0.0 if self.at_floor else min(_floor(self.steps[-1].result), _floor(result))
+        floor = 0.0 if self.at_floor else min(floor_of(self.steps[-1].result), floor_of(result))
         return _takes(self.held_out.total, held_out.total, floor, share)
 
     def _beyond_speed(self, base: FitResult, name: str, result: FitResult) -> float:
@@ -334,17 +334,17 @@ class Search:
         What a sensor reads wrong is the speed of friction too.
         """
         effect = result.plant[name]
-        if not (effect.modulates or effect.kind == "sensor") or not self._timed:
+        if not (effect.modulates or effect.kind == "sensor") or not self.timed:
             return 0.0
         return p_value(_with_curve(base), _with_curve(result))
 
     @property
     def bent(self) -> float:
         """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
-        if not self._timed:
+        if not self.timed:
             return 0.0
         left = _with_curve(self.steps[-1].result)
-        earned = self._is_worth_it(self.steps[-1].result, left)
+        earned = self.is_worth_it(self.steps[-1].result, left)
         earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
         return 1 - left.total / self.held_out.total if earned else 0.0
 
@@ -354,7 +354,7 @@ class Search:
         return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.false]
 
     @property
-    def _timed(self) -> bool:
+    def timed(self) -> bool:
         """Whether anything was measured in time, and so at some speed."""
         return any(isinstance(o, Observation) for o in self.seen)
 
@@ -365,7 +365,7 @@ class Search:
         that gain is the plant's own and must not be counted for the effect.
         """
         for name, result, held_out in trials[:1]:
-            if name not in self.steps[-1].result.plant and self._is_worth_it(result, held_out):
+            if name not in self.steps[-1].result.plant and self.is_worth_it(result, held_out):
                 alone = refine(*without(result, name))
                 if alone.error < self.steps[-1].result.error:
                     again = cross_validated(alone.misfit, alone.vector)
@@ -424,7 +424,7 @@ class Search:
         """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
         return fit_observations(self._fresh(near), self.seen)
 
-    def _selects(self, result: FitResult) -> bool:
+    def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
         if not self.select:
             return True
@@ -509,7 +509,7 @@ def _left(misfit: Misfit, vector: Array) -> float:
     return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2)) / misfit.delivered(vector)
 
 
-def _floor(result: FitResult) -> float:
+def floor_of(result: FitResult) -> float:
     """The same that sensor noise alone would leave [N^2 m^2]."""
     misfit = result.misfit
     return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)

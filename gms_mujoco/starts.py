@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -29,6 +30,7 @@ _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
 _FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
+_LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
 
 
 def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
@@ -38,32 +40,41 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         ModelError: a parameter has no value, is not identified by a fit, and cannot be guessed.
     """
     scales = Scales.of(observations)
-    rest = [_typical(e, scales) for e in plant.effects if not (e.name == "gms" and e.unset)]
-    if "gms" not in plant or not plant["gms"].unset:
+    law = next((e for e in plant.effects if e.name in _LAWS and e.unset), None)
+    rest = [_typical(e, scales) for e in plant.effects if e is not law]
+    if law is None:
         inertia = scales["kg m^2"] if plant.inertia is None else plant.inertia
         first = replace(plant, inertia=inertia, effects=tuple(rest))
         return [replace(first, inertia=_maxwell_slip(first, (), observations)[0])] if plant.inertia is None else [first]
 
-    gms = plant["gms"]
     distances = _distances(observations)
     others = replace(plant, effects=tuple(rest))
     inertia, viscous, levels = _maxwell_slip(others, distances, observations)
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
     group = _gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
-    stiffness, share, level = group(distances, levels, gms.elements)
-    if "stiffness" in gms.unset and np.ptp(gms.fraction) < 1e-12:  # equal shares are what nobody has chosen
-        gms = gms.replace(fraction=share)
+    stiffness, share, level = group(distances, levels, law.elements)
+    if "fraction" in law.values and "stiffness" in law.unset and np.ptp(law.fraction) < 1e-12:
+        law = law.replace(fraction=share)  # equal shares are what nobody has chosen
+    found: dict[str, object] = {
+        "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
+        "coulomb": level, "static": 1.05 * level, "attraction": 0.1 * level / scales["s"],
+    }  # fmt: skip
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
-    for factor in _STRIBECK_VELOCITIES:
-        started = _with(
-            gms, stiffness=stiffness, coulomb=level, static=1.05 * level,
-            stribeck_velocity=min(factor * scales["rad/s"], fastest), attraction=0.1 * level / scales["s"],
-        )
+    for factor in _STRIBECK_VELOCITIES if "stribeck_velocity" in law.unset else (1.0,):
+        started = _with(law, **found, stribeck_velocity=min(factor * scales["rad/s"], fastest))
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out
+
+
+def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:
+    """Stiffness of a bristle whose force, level (1 - exp(-stiffness x / level)) from rest, passes half of its level
+    where springs of these break-away distances together do [N m/rad]."""
+    force = np.minimum(distances[:, None] / distances, 1.0) @ levels
+    half = float(np.interp(0.5 * level, force, distances))
+    return level * math.log(2) / half
 
 
 def _distances(observations: Sequence[Seen]) -> Array:
@@ -85,18 +96,34 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     """Lower and upper limit of parameters beyond which these observations say nothing about them, by label.
 
     A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
-    a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. Of `gms`, a
-    fit would find no way back from an element that is too soft, never slips and is a spring, or from a level that is
-    followed faster than the samples come, or that weakens beyond the fastest speed. A value that the plant has
-    already is inside.
+    a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. A fit would
+    find no way back from a level that weakens beyond the fastest speed, or, of `gms`, from an element that is too soft,
+    never slips and is a spring, or from a level that is followed faster than the samples come. A value that the plant
+    has already is inside.
     """
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:
         middle = float(np.median(np.abs(np.concatenate([o.commands for o in observations]))))
         limits["torque_saturation.limit"] = (middle, np.inf, float(np.asarray(plant["torque_saturation"].limit)))
+    for e in plant.effects:
+        if e.name in _LAWS and "stribeck_velocity" in e.values and not e.unset:
+            limits[f"{e.name}.stribeck_velocity"] = _visible_weakening(e, observations)
     if "gms" in plant and not plant["gms"].unset:
         limits |= _visible_gms(plant["gms"], observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
+
+
+def _visible_weakening(law: Effect, observations: Sequence[Seen]) -> tuple[float, float, float]:
+    """Lower and upper limit of the Stribeck velocity of a law, and the one that it has [rad/s]."""
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
+    slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
+    frfs = [o for o in observations if isinstance(o, FrfObservation)]
+    if len(frfs) == len(observations):  # a weakening at speeds where nothing slides is not seen
+        total = float(np.asarray(law.coulomb))
+        sliding = [o.velocity for o in frfs if np.abs(o.torque).max() > total]
+        if sliding:
+            slowest = max(slowest, 0.01 * min(float(np.sqrt(np.mean(v**2))) for v in sliding))
+    return slowest, fastest, float(np.asarray(law.stribeck_velocity))
 
 
 def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
@@ -106,8 +133,6 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
     softest = float(level.mean()) / longest
     step = min(o.sample_time for o in observations)
     duration = max(o.duration for o in observations)
-    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
-    slowest = 1e-3 * min(float(np.sqrt(np.mean(o.velocity**2))) for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
     softer = np.full(gms.elements, softest)
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
@@ -116,15 +141,10 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
         softer = _STUCK * level / max(sizes)
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
-    if len(sizes) == len(observations):
-        # A level that no torque reached, and a weakening at speeds where nothing slides, are not seen.
+    if len(sizes) == len(observations):  # a level that no torque reached is not seen
         hardest = float(max(np.abs(o.torque).max() for o in frfs))
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))
         limits["gms.static"] = (0.0, max(hardest - total, 0.1 * total), above)  # its coordinate: above the other level
-        sliding = [o.velocity for o in frfs if np.abs(o.torque).max() > total]
-        if sliding:
-            slowest = max(slowest, 0.01 * min(float(np.sqrt(np.mean(v**2))) for v in sliding))
-    limits["gms.stribeck_velocity"] = (slowest, fastest, float(np.asarray(gms.stribeck_velocity)))
     return limits
 
 
@@ -140,8 +160,9 @@ def _typical(effect: Effect, scales: Scales) -> Effect:
 
 
 def _with(effect: Effect, **values: object) -> Effect:
-    """`effect` with those parameters set that have no value yet."""
-    return effect.replace(**{k: v for k, v in values.items() if k in effect.unset})
+    """`effect` with those parameters set that have no value yet; a law of friction without a level has none."""
+    none = (*effect.unset, *(k for k in ("coulomb", "static") if effect.values.get(k) == 0))
+    return effect.replace(**{k: v for k, v in values.items() if k in none})
 
 
 def _maxwell_slip(

@@ -79,7 +79,7 @@ def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], n
     lines += [f"| noise floor | | {percent(facts.get('noise_floor'))} |", ""]
     if models and models[0][1].where:
         lines.append(f"**Where the baseline fails:** {models[0][1].where.replace(chr(10), '; ')}.\n")
-    lines += [f"{s['evidence']}\n" for s in facts["steps"] if s["effect"] and s.get("evidence")]
+    lines += [f"{s['evidence']}\n" for s in facts["steps"] if s.get("evidence")]
     if facts.get("remainder"):
         lines.append(f"**What remains:** {facts['remainder']}\n")
     if facts.get("next_experiment"):

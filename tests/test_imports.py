@@ -27,7 +27,7 @@ LAYERS = [
     {"screen", "elements", "remainder", "custom", "goals"},
     {"reading"},
     {"search", "servo_run"},
-    {"recheck"},
+    {"recheck", "friction_law"},
     {"diagnose"},
     {"position_servo", "bootstrap"},
     {"page", "page_frf"},

@@ -1,0 +1,115 @@
+"""The law of friction of an axis: whether the data ask for another than the one that a search began with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from . import effects
+from .effect import Effect
+from .fit import FitResult, fit_observations
+from .held_out import HeldOut, p_value
+from .plant import Plant
+from .screen import cross_validated
+from .search import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, Search, Step, floor_of
+
+# Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
+# its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both.
+LAWS = ("gms", "lugre")
+_MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A joint fit with another law of friction in the place of the plant's own, and what it leaves of each block.
+
+    Attributes:
+        law: as it stands before a fit.
+        clear: at the noise floor and worth it by all that an effect is judged by: nothing else need be tried.
+    """
+
+    law: Effect
+    result: FitResult
+    held_out: HeldOut
+    p_value: float
+    clear: bool
+
+
+class FrictionLaw:
+    """The choice of a law of friction beside the search for effects.
+
+    Args:
+        search: whose plant may change its law.
+        free: whether it may; else nothing is ever tried.
+
+    Attributes:
+        said: a sentence on the law where it is another than the first; else empty.
+    """
+
+    def __init__(self, search: Search, free: bool) -> None:
+        self._search = search
+        self._laws = choices(search.start) if free and search.timed else ()
+        self._taken: set[str] = set()  # each law at most once, so that there is an end
+        self.said = ""
+
+    def better(self) -> Trial | None:
+        """The best of the other laws that earns its place beside what was found so far; None where the own one stays.
+
+        At the noise floor none is tried.
+        """
+        search, earned = self._search, []
+        plant = search.steps[-1].result.plant
+        for law in () if search.at_floor else self._laws:
+            if law.name in plant or law.name in self._taken:
+                continue
+            result = fit_observations(with_law(plant, law), search.seen)
+            held_out = cross_validated(result.misfit, result.vector)
+            p = p_value(search.held_out, held_out)
+            worth = search.is_worth_it(result, held_out)
+            # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
+            at_floor = held_out.total <= AT_FLOOR**2 * floor_of(result)
+            falls = search.held_out.total - held_out.total > LEAST_GAIN * search.held_out.total
+            if p < FALSE_DISCOVERY_RATE and (worth or (at_floor and falls)) and search.selects(result):
+                earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
+        return min(earned, key=lambda t: t.held_out.total, default=None)
+
+    def take(self, trial: Trial) -> None:
+        """Begins the search anew with another law: what was found beside the wrong one is looked for again."""
+        search, name, first = self._search, trial.law.name, self._laws[0].name
+        self._taken.add(name)
+        self.said = "" if name == first else (
+            f"{name} describes the friction, in the place of {first}: with it the torque error falls from "
+            f"{100 * search.steps[-1].result.error:.2f} % to {100 * trial.result.error:.2f} % "
+            f"(p = {trial.p_value:.1g} on held-out blocks)"
+        )  # fmt: skip
+        search.start = with_law(search.start, trial.law)
+        search.false.clear()
+        if any(e.name not in search.start for e in trial.result.plant.effects):
+            search.first(lambda done, message: None)
+        else:
+            search.steps = [Step(None, trial.result, held_out=trial.held_out)]
+            search.bend()
+
+
+def choices(plant: Plant) -> tuple[Effect, ...]:
+    """The laws among which the data may choose, that of the plant first; none where it has none or several."""
+    own = [e for e in plant.effects if e.name in LAWS]
+    return (own[0], *(effects.find(name)() for name in LAWS if name != own[0].name)) if len(own) == 1 else ()
+
+
+def with_law(plant: Plant, law: Effect) -> Plant:
+    """The plant with another law in the place of its own."""
+    return replace(plant, effects=tuple(law if e.name in LAWS else e for e in plant.effects))
+
+
+def would_be_better(search: Search) -> str:
+    """That another law in the place of that of the last plant would leave much less of the torque; else nothing."""
+    last = search.steps[-1].result
+    laws = choices(last.plant) if search.timed else ()
+    for law in laws[1:]:
+        other = fit_observations(with_law(last.plant, law), last.misfit.observations)
+        if other.error**2 - last.floor**2 <= _MUCH * (last.error**2 - last.floor**2):
+            return (
+                f"friction is better described by {law.name} in the place of {laws[0].name}: "
+                f"{100 * other.error:.2f} % of the torque would be left instead of {100 * last.error:.2f} %"
+            )
+    return ""

@@ -1,0 +1,91 @@
+"""Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
+
+import numpy as np
+import pytest
+from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, dataset, runs
+
+from gms_mujoco import effects
+from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.fit import fit
+from gms_mujoco.friction_law import choices, with_law
+from gms_mujoco.plant import Plant
+from gms_mujoco.report import render
+
+TRUE = {"stiffness": 2.0, "damping": 1e-3, "coulomb": LEVEL, "static": 5.5e-3, "stribeck_velocity": 0.6}
+SECONDS = 2.0
+BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e-5)
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Diagnosis]:
+    """What an axis with one bristle is found to be, bare and with a hidden effect, from the default baseline."""
+    hidden = {"": BRISTLE, "cogging": BRISTLE + HIDDEN["cogging"]}
+    return {name: diagnose(dataset(plant, SECONDS)) for name, plant in hidden.items()}
+
+
+def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
+    own, other = choices(HEALTHY)
+    assert own is HEALTHY["gms"] and other.name == "lugre" and other.unset
+    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms"]
+    assert not choices(Plant.axis(J) + effects.Coulomb(coulomb=LEVEL)) and not choices(HEALTHY + BRISTLE["lugre"])
+
+
+def test_another_law_takes_the_place_of_the_first_and_nothing_else_changes() -> None:
+    changed = with_law(HEALTHY + HIDDEN["cogging"], BRISTLE["lugre"])
+    assert changed.effects == (BRISTLE["lugre"], HEALTHY["viscous"], HIDDEN["cogging"])
+    assert with_law(changed, HEALTHY["gms"]) == HEALTHY + HIDDEN["cogging"]
+
+
+def test_one_bristle_is_found_from_nothing() -> None:
+    plant = fit(Plant.axis() + effects.LuGre() + effects.Viscous(), runs(BRISTLE)).plant
+    assert plant.inertia == pytest.approx(J, rel=0.01)
+    for name, value in TRUE.items():
+        assert plant["lugre"].values[name] == pytest.approx(value, rel=0.1)
+
+
+def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
+    d = found[""]
+    assert d.verdict == "adequate" and not d.found
+    assert [e.name for e in d.plant.effects] == ["lugre", "viscous"]
+    assert d.steps[0].validate_error <= 1.3 * d.noise_floor
+
+
+def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
+    d = found["cogging"]
+    assert d.verdict == "explained" and [e.name for e in d] == ["cogging"] and "lugre" in d.plant
+    np.testing.assert_allclose(d.found[0].amplitude, HIDDEN["cogging"].amplitude, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ["", "cogging"])
+def test_the_choice_is_told_wherever_the_steps_are(found: dict[str, Diagnosis], name: str) -> None:
+    said = found[name].to_dict()["steps"][0]["evidence"]
+    assert said.startswith("lugre describes the friction, in the place of gms") and "p = " in said
+    assert said in str(found[name]) and said[1:] in render(found[name])
+
+
+def test_maxwell_elements_stay_where_something_is_hidden_beside_them() -> None:
+    """One bristle is damped, and a delay looks like damping."""
+    d = diagnose(dataset(HEALTHY + HIDDEN["delay"], SECONDS))
+    assert "gms" in d.plant and [e.name for e in d] == ["delay"] and d.verdict == "explained"
+    assert "evidence" not in d.to_dict()["steps"][0]
+
+
+def test_at_the_noise_floor_no_other_law_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*given: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("gms_mujoco.friction_law.with_law", refuse)
+    assert diagnose(dataset(HEALTHY, SECONDS)).verdict == "adequate"
+
+
+def test_the_law_of_a_plant_that_is_given_stays_and_the_better_one_is_told() -> None:
+    d = diagnose(dataset(BRISTLE, SECONDS), UNKNOWN)
+    assert "gms" in d.plant and "described by lugre in the place of gms" in d.remainder
+    assert d.verdict != "adequate"
+
+
+def test_what_modulates_friction_is_found_beside_one_bristle() -> None:
+    hidden = effects.AsymmetricFriction(level=0.25)
+    d = diagnose(dataset(BRISTLE + hidden, SECONDS))
+    assert "lugre" in d.plant and [e.name for e in d] == ["asymmetric_friction"]
+    assert d.found[0].level == pytest.approx(0.25, rel=0.05)
