@@ -26,6 +26,11 @@ INVENTED = {
     "magnetic_hysteresis": "a torque that follows a harmonic of the position late",
     "varying_inertia": "an inertia that changes along the revolution",
     "sensor_resonance": "the torque sensor rings",
+    "amplifier_ripple": "a gain of the amplifier that varies with the electrical angle, otherwise in either direction",
+    "belt_creep": "a belt that creeps under its load, between drive and encoder",
+    "bearing_defect": "a torque each time a roller passes a dent, not a whole number of times per revolution",
+    "mains_hum": "50 Hz on the reading of the torque",
+    "cable_drag": "a cable that is dragged along: a spring that gives way over radians",
 }
 
 Values = dict[str, float]
@@ -56,6 +61,11 @@ def sized(axis: Axis, name: str, strength: float, seen: list[Run]) -> Values:
         "dead_zone": {"torque": 1.5 * top},
         "magnetic_hysteresis": {"torque": top, "harmonic": float(rng.integers(2, 7))},
         "varying_inertia": {"share": strength},
+        "amplifier_ripple": {"share": strength, "harmonic": float(rng.integers(4, 15)), "phase": phase},
+        "belt_creep": {"share": 0.05 * strength / axis.level},
+        "bearing_defect": {"torque": 4 * top, "per_turn": float(rng.uniform(2.6, 5.4))},
+        "mains_hum": {"torque": top, "phase": phase},
+        "cable_drag": {"torque": top, "range": float(rng.uniform(0.5, 2))},
         "sensor_resonance": {"omega": 2 * math.pi * float(rng.uniform(30, 60)) / (1 + strength), "zeta": 0.1},
     }
     return own[name]
@@ -89,6 +99,9 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
         for k in ("torque_jump", "ageing_contact", "dead_zone", "magnetic_hysteresis", "varying_inertia",
                   "sensor_resonance")
     )  # fmt: skip
+    ripple, creep, dent, mains, cable = (
+        get(k) for k in ("amplifier_ripple", "belt_creep", "bearing_defect", "mains_hum", "cable_drag")
+    )
     stick = get("stick_once") if number == 1 else None
     chance = _drawn(axis, hidden, n)
     rng = np.random.default_rng(round(1e9 * axis.inertia / axis.level))  # the same bearing in every run
@@ -100,13 +113,13 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
     slow = 0.02 * axis.fastest  # Stribeck velocity
     lagged, follow = 1.15, h / 0.004  # the level follows the speed late: frictional lag
     q, v, rested = run.start, 0.0, 0.0
-    shown, shown_rate, late = 0.0, 0.0, 0.0
+    shown, shown_rate, late, crept, dragged = 0.0, 0.0, 0.0, 0.0, 0.0
     control, count = Controller(axis), axis.count
     torque, position = np.empty(n), np.empty(n)
     load = 0.5 + 0.5 * np.sin(2 * math.pi * (0.23 + 0.1 * number) * np.arange(n) / axis.rate + number)
     duration = n / axis.rate
     for k in range(n):
-        position[k] = q if disc is None else q + disc["amplitude"] * math.sin(q + disc["phase"])
+        position[k] = q + crept if disc is None else q + disc["amplitude"] * math.sin(q + disc["phase"])
         if k in chance.dropped:
             position[k] = position[k - 1]
         reading = round(position[k] / count) * count
@@ -154,6 +167,16 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
             if magnet is not None:
                 late += abs(v) * h / 0.3 * (math.sin(magnet["harmonic"] * q) - late)
                 torque_out += magnet["torque"] * late
+            if ripple is not None:
+                ahead = ripple["phase"] + math.copysign(0.6, v)
+                torque_out += u * ripple["share"] * math.sin(ripple["harmonic"] * q + ahead)
+            if creep is not None:
+                crept += creep["share"] * u * abs(v) * h
+            if dent is not None and (dent["per_turn"] * q / (2 * math.pi)) % 1 < 0.08:
+                torque_out -= math.copysign(dent["torque"], v)
+            if cable is not None:
+                dragged += v * h / cable["range"] * (1 - math.copysign(dragged, dragged * v))
+                torque_out -= cable["torque"] * dragged
             mass = inertia
             if vary is not None:
                 mass = inertia * (1 + vary["share"] * math.sin(2 * q))
@@ -165,6 +188,8 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
                 shown += h * shown_rate
         if ring is not None:
             torque[k] = shown
+        if mains is not None:
+            torque[k] += mains["torque"] * math.sin(100 * math.pi * k / axis.rate + mains["phase"] + number)
     return torque, position, load
 
 

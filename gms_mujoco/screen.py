@@ -291,7 +291,7 @@ def is_present(effect: Effect) -> bool:
 
 
 def absent(effect: Effect) -> Effect:
-    """The effect at strengths of zero."""
+    """The effect at strengths of zero; itself where it has none."""
     return effect.replace(**{p.name: 0 * np.asarray(effect.values[p.name]) for p in strengths(type(effect))})
 
 

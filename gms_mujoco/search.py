@@ -460,6 +460,8 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     effect = after.plant[name]
     if not is_present(effect):
         return False
+    if absent(effect) == effect:  # absent only at the end of its range
+        return True
     idle = after.plant.replace(absent(effect))
     misfit = Misfit(idle, after.misfit.observations)
     memories = after.misfit.memories(after.vector, misfit.n_memory)

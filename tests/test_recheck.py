@@ -99,3 +99,9 @@ def test_an_effect_that_does_nothing_does_not_carry_what_was_gained_beside_it() 
     before = fit_observations(UNKNOWN, seen)
     after = fit_observations(UNKNOWN + HIDDEN["cogging"] + effects.Gravity(amplitude=1e-7, phase=0.0), seen)
     assert carries("cogging", before, after) and not carries("gravity", before, after)
+
+
+def test_an_effect_without_strengths_carries_what_it_gains() -> None:
+    limit = effects.TorqueSaturation(limit=3 * LEVEL)
+    seen = observe(dataset(HEALTHY + limit).fit[2:], HEALTHY.inertia)
+    assert carries("torque_saturation", fit_observations(UNKNOWN, seen), fit_observations(UNKNOWN + limit, seen))
