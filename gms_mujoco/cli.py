@@ -13,6 +13,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -22,13 +23,11 @@ from .errors import DataError, GmsError, ModelError
 from .files import as_json
 from .plant import Plant
 from .progress import Bar
-from .record import USES
 from .version import __version__
 
 if TYPE_CHECKING:
     import mujoco
 
-    from .compare import Comparison
     from .dahl_resonance import DahlReading
     from .diagnose import Diagnosis
 
@@ -100,7 +99,8 @@ def _parser() -> argparse.ArgumentParser:
                   "fit measurements/ --effects gms,viscous,cogging -o model.toml")
     dataset(sub)
     sub.add_argument("-o", "--output", required=True, metavar="MODEL.toml", help="the identified plant")
-    sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous")
+    sub.add_argument("--effects", metavar="NAME,...", help="default: gms,viscous; of a servo that takes a goal: "
+                     "coulomb,viscous")
     sub.add_argument("--elements", metavar="N", help="of gms; auto: as few as the data ask for "
                      "(default: auto from frequency responses alone, else 8)")
 
@@ -114,9 +114,11 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("diagnose", _diagnose, "find the effects that a plant lacks, add them and fit again",
                   "diagnose measurements/ -o diagnosis")
     dataset(sub)
-    sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous)")
+    sub.add_argument("--model", metavar="MODEL.toml", help="plant to start from (default: inertia, gms, viscous; of a "
+                     "servo that takes a goal: inertia, loop and motor, coulomb, viscous)")
     sub.add_argument("-o", "--output", required=True, metavar="DIR",
                      help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
+    sub.add_argument("--without", metavar="NAME,...", default="", help="effects that you know not to be there")
     sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
 
     sub = command("fleet", _fleet, "fit or diagnose many measurement sets, or refit one many times, on all processors",
@@ -198,16 +200,18 @@ def _fit(options: argparse.Namespace) -> None:
     if count not in (None, "auto") and not (count.isdecimal() and 0 < int(count) <= _MOST_ELEMENTS):
         raise ModelError(f"--elements must be auto or a number from 1 to {_MOST_ELEMENTS}; {count!r} given")
     runs = _load(options)
-    plant = baseline(runs.inertia, runs.kind, int(count) if count not in (None, "auto") else 8)
+    elements = int(count) if count not in (None, "auto") else 8
+    plant = baseline(runs.inertia, runs.kind, elements, runs.controller)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
-    auto = count == "auto" or (count is None and not runs.records and "gms" in plant)
+    auto = count == "auto" or (count is None and runs.frfs and not runs.records and "gms" in plant)
     with Bar() as bar:
         result = (choose_elements if auto else fit)(plant, runs.fit, progress=bar)
     result.plant.save(output)
     print(result.status)
     if runs.validate:
-        print(f"validate error {compare(result.plant, runs.validate).torque_error:.4f}")
+        error = compare(result.plant, runs.validate).error
+        print(f"validate error {error:.4f}" + (" rad" if runs.controller else ""))
     print(_parameters(result.plant))
     for name, experiment in result.undetermined.items():
         print(f"{name} is not determined by these data; what would: {experiment}")
@@ -223,14 +227,15 @@ def _compare(options: argparse.Namespace) -> None:
     plant = Plant.load(options.model).complete()
     runs = _load(options)
     _expect_kind(plant, runs, options.model)
-    scores = compare(plant, (*runs.records, *runs.frfs))
-    by_use = _by_use(scores)
+    scores = compare(plant, runs.all)
+    by_use = scores.by_use()
     if output:
         files.write_text(output, as_json({**scores.to_dict(), "by_use": by_use}))
     print(scores)
     for use, pooled in by_use.items():
-        print(f"{use}: torque error {100 * pooled['torque_error']:.2f} %, "
-              f"noise floor {100 * pooled['noise_floor']:.2f} %")
+        score = scores.score
+        print(f"{use}: {score.name} {score.told(pooled[f'{score.of}_error'])}, "
+              f"noise floor {score.told(pooled['noise_floor'])}")
     if page:
         files.write_text(page, render_comparison(scores, Path(options.model).stem))
         print(f"wrote {page}")
@@ -246,7 +251,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         _expect_kind(plant, runs, options.model)
     folder = files.make_folder(options.output)
     with Bar() as bar:
-        result = diagnose(runs, plant, progress=bar)
+        result = diagnose(runs, plant, without=_names(options.without), progress=bar)
         _write_diagnosis(folder, result)
     if extra:
         files.write_text(extra, as_json(result.to_dict()))
@@ -426,29 +431,19 @@ def _keep_assets(spec: Any, source: Path, output: Path) -> None:
 
 def _chosen(baseline: Plant, names: str) -> Plant:
     """The axis of the baseline with the named effects, set up as in the baseline where it has them."""
-    plant = Plant(baseline.inertia, (), baseline.kind, baseline.inertia_known)
-    for name in filter(None, (n.strip() for n in names.split(","))):
+    plant = replace(baseline, effects=tuple(e for e in baseline.effects if e.kind == "controller"))
+    for name in _names(names):
+        if name in plant:
+            continue
         plant += baseline[name] if name in baseline else effects.find(name)()
-    if not plant.effects:
+    if not _names(names):
         raise ModelError(f"--effects names none; the effects are {', '.join(effects.CATALOGUE)}")
     return plant
 
 
-def _by_use(scores: Comparison) -> dict[str, dict[str, float]]:
-    """Errors pooled over the records and responses of each use."""
-    from .fit import relative_error
-
-    found = {}
-    for use in USES:
-        rows = [r for r in scores.rows if r.use == use]
-        if rows:
-            measured = [r.measured for r in rows]
-            found[use] = {
-                "torque_error": relative_error([r.residual for r in rows], measured),
-                "noise_floor": relative_error([r.floor for r in rows], measured),
-                "simulation_error": math.sqrt(sum(r.simulation_error**2 for r in rows) / len(rows)),
-            }
-    return found
+def _names(text: str) -> list[str]:
+    """Names that commas part."""
+    return [n.strip() for n in text.split(",") if n.strip()]
 
 
 def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:

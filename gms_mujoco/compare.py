@@ -11,19 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compare_frf import FrfComparison, compare_frf, table
+from .compare_servo import ServoComparison, compare_servo
+from .compare_servo import table as servo_table
 from .coordinates import all_labels
-from .fit import relative_error
-from .frf import FRF
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
 from .noise import Noise, believable, inertia_along, noise_of, sampling_residual, sensor_residual
-from .observe import observe
+from .observe import Data, driven, observe
 from .plant import Plant
-from .record import Record
+from .record import USES
 from .residual_maps import Regime, ResidualMap
 from .residuals import Residuals
+from .score import POSITION, TORQUE, Score, relative_error
+from .servo_observation import ServoObservation
+from .servo_residuals import ServoResiduals
 from .threads import each
 
 Array = NDArray[np.float64]
@@ -68,6 +71,11 @@ class RecordComparison:
     observation: Observation = field(kw_only=True, repr=False)
 
     @property
+    def error(self) -> float:
+        """The torque error."""
+        return self.torque_error
+
+    @property
     def residual(self) -> Array:
         """(m,) measured minus needed torque [N m]."""
         return self.measured - self.needed
@@ -81,7 +89,8 @@ class Comparison:
         plant: what was compared.
         records: one comparison per record.
         frfs: one per frequency response.
-        torque_error, simulation_error, noise_floor: as for one record, pooled.
+        servos: one per run of a servo, which has no records and responses beside it.
+        torque_error, simulation_error, noise_floor: as for one record, pooled; no torque error of a servo.
         bandwidth: up to which torques are compared [Hz].
     """
 
@@ -92,35 +101,70 @@ class Comparison:
     noise_floor: float
     bandwidth: float
     frfs: tuple[FrfComparison, ...] = ()
+    servos: tuple[ServoComparison, ...] = ()
 
     @property
-    def rows(self) -> tuple[RecordComparison | FrfComparison, ...]:
+    def rows(self) -> tuple[RecordComparison | FrfComparison | ServoComparison, ...]:
         """All comparisons, records first."""
-        return (*self.records, *self.frfs)
+        return (*self.records, *self.frfs, *self.servos)
+
+    @property
+    def timed(self) -> tuple[RecordComparison | ServoComparison, ...]:
+        """Those of what was measured in time."""
+        return self.records or self.servos
+
+    @property
+    def score(self) -> Score:
+        """What the error and the floor are of, and how they are told."""
+        return POSITION if self.servos else TORQUE
+
+    @property
+    def position_error(self) -> float:
+        """Mean absolute error of the position of a servo, simulated from the goal [rad]; NaN of records of torque."""
+        return POSITION.pooled([r.residual for r in self.servos], [r.measured for r in self.servos])
+
+    @property
+    def error(self) -> float:
+        """The torque error, or of a servo the position error [rad]."""
+        return self.position_error if self.servos else self.torque_error
 
     @cached_property
     def _residuals(self) -> Residuals:
-        return Residuals(self.plant, self.records)
+        return ServoResiduals(self.plant, self.servos) if self.servos else Residuals(self.plant, self.records)
 
     @cached_property
     def views(self) -> tuple[ResidualMap, ...]:
         """The residual over time, position, velocity, reversals, frequency ..., each with its noise band."""
-        return self._residuals.views() if self.records else ()
+        return self._residuals.views() if self.timed else ()
 
     @cached_property
     def regimes(self) -> tuple[Regime, ...]:
-        """The error in pre-sliding, after reversals and in sliding."""
-        return self._residuals.regimes() if self.records else ()
+        """The error in pre-sliding, after reversals and in sliding; of a servo at rest, moving and without power."""
+        return self._residuals.regimes() if self.timed else ()
 
     @cached_property
     def where(self) -> str:
         """Where the residual leaves its noise band most, in one or two lines."""
-        return self._residuals.where(self.views, self.regimes) if self.records else ""
+        return self._residuals.where(self.views, self.regimes) if self.timed else ""
 
     @cached_property
     def after_reversal(self) -> tuple[Array, Array, Array] | None:
         """Friction along the motion after a reversal, measured and of the plant; see `Residuals.after_reversal`."""
         return self._residuals.after_reversal()
+
+    def by_use(self) -> dict[str, dict[str, float]]:
+        """Errors pooled over the records of each use."""
+        found = {}
+        for use in USES:
+            rows = [r for r in self.rows if r.use == use]
+            if rows:
+                measured = [r.measured for r in rows]
+                found[use] = {
+                    f"{self.score.of}_error": self.score.pooled([r.residual for r in rows], measured),
+                    "noise_floor": self.score.pooled([r.floor for r in rows], measured),
+                    "simulation_error": float(np.sqrt(np.mean([r.simulation_error**2 for r in rows]))),
+                }
+        return found
 
     def view(self, name: str, record: str = "") -> ResidualMap | None:
         """The view of that name, of all records or of one; None where these records do not have it."""
@@ -131,8 +175,11 @@ class Comparison:
         return {
             "schema": 1,
             "bandwidth_hz": self.bandwidth,
-            "simulation_window_s": WINDOW,
-            "torque_error": self.torque_error,
+            "simulation_window_s": None if self.servos else WINDOW,  # a servo is simulated over the whole run
+            "torque_error": None if self.servos else self.torque_error,
+            "position_error": self.position_error if self.servos else None,
+            "error_of": self.score.of,
+            "error_unit": self.score.unit,
             "simulation_error": self.simulation_error,
             "noise_floor": self.noise_floor,
             "records": [
@@ -144,7 +191,8 @@ class Comparison:
                     "noise_floor": r.noise_floor,
                 }
                 for r in self.records
-            ],
+            ]
+            + [r.to_dict() for r in self.servos],
             "where": self.where,
             "regimes": [g.to_dict() for g in self.regimes],
             "views": [m.to_dict() for m in self.views],
@@ -152,6 +200,9 @@ class Comparison:
         }
 
     def __str__(self) -> str:
+        if self.servos:
+            pooled = (self.error, self.noise_floor, self.simulation_error)
+            return f"{servo_table(self.servos, pooled)}\n{self.where}"
         shown = [table(self.frfs)] if self.frfs else []
         if not self.records:
             pooled = (self.torque_error, self.noise_floor, self.simulation_error)
@@ -172,22 +223,24 @@ class Comparison:
         return "\n".join([*lines, self.where])
 
 
-def compare(plant: Plant, data: Sequence[Record | FRF], *, bandwidth: float | None = None) -> Comparison:
+def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = None) -> Comparison:
     """Measured torque against the torque that the plant needs along the measured motion, and forward simulation.
+
+    Of a servo that closes its own position loop the position, simulated from the goal alone, against the measured one.
 
     Only the unknown state of the effects before the first sample is estimated on the records; the plant stays as
     it is.
 
     Args:
         plant: every parameter set.
-        data: records and frequency responses, SI units.
+        data: records and frequency responses, or runs of a servo, SI units.
         bandwidth: of records [Hz]; None: that of the plant's fit, or chosen from the noise of the records.
 
     Raises:
-        ModelError: a parameter has no value.
+        ModelError: a parameter has no value, or the plant takes a goal and the data have torques, or the reverse.
         DataError: there is nothing to compare with.
     """
-    plant.complete().torque_driven()
+    driven(plant.complete(), data)
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
     return compare_observations(plant, observe(data, plant.inertia, bandwidth, plant))
 
@@ -202,23 +255,29 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
         left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(records, memories, strict=True)]
         noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
+    servos = tuple(compare_servo(plant, o, rng) for o in observations if isinstance(o, ServoObservation))
     judged = tuple(_compare_one(plant, o, m, noise, rng) for o, m in zip(records, memories, strict=True))
     responses = tuple(compare_frf(plant, o, rng) for o in frfs)
-    rows: tuple[RecordComparison | FrfComparison, ...] = (*judged, *responses)
-    measured = [r.measured for r in rows]
+    rows: tuple[RecordComparison | FrfComparison | ServoComparison, ...] = (*judged, *responses, *servos)
+    measured, score = [r.measured for r in rows], observations[0].score
     return Comparison(
         plant,
         judged,
-        relative_error([r.residual for r in rows], measured),
+        float("nan") if servos else relative_error([r.residual for r in rows], measured),
         float(np.sqrt(np.mean([r.simulation_error**2 for r in rows]))),
-        relative_error([r.floor for r in rows], measured),
+        score.pooled([r.floor for r in rows], measured),
         max(o.bandwidth for o in observations),
         responses,
+        servos,
     )
 
 
-def quick_torque_error(plant: Plant, observations: Sequence[Seen], near: Comparison) -> float:
-    """Pooled torque error of a plant close to one that was compared, with that one's states before the records."""
+def quick_error(plant: Plant, observations: Sequence[Seen], near: Comparison) -> float:
+    """Pooled error of a plant close to one that was compared, with that one's states before the records."""
+    if near.servos:
+        servos = [o for o in observations if isinstance(o, ServoObservation)]
+        wrong = each(lambda o: o.applied(plant) - o.simulated(plant), servos)
+        return POSITION.pooled(wrong, wrong)
     skew = float(plant.provenance.get("clock_skew", 0.0))
     applied = [o.applied(plant, skew) for o in observations]
     extra = plant.joint().n_memory - near.plant.joint().n_memory

@@ -63,6 +63,11 @@ class FrfComparison:
     floor: Array
 
     @property
+    def error(self) -> float:
+        """The torque error."""
+        return self.torque_error
+
+    @property
     def residual(self) -> Array:
         """(2 n,) rows of measured minus needed torque [N m]."""
         return self.measured - self.needed

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import columns, files, formats, frf_table, plausible, timing
+from . import columns, files, formats, frf_table, plausible, servo_run, timing
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
 from .frf import FRF, INPUTS, response_unit
 from .measured_axis import Axis, joint_names
 from .record import USES, Record
+from .servo_run import CONTROLLERS, ServoRun
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,8 @@ class Dataset:
         notes: what was done to the data or left unread, one sentence each.
         frfs: frequency responses, each with its use.
         joint: of the robot whose measurements these are; None for a bare axis.
+        servos: runs of a servo that closes its own position loop, each with its use; a set has these, or records and
+            responses.
     """
 
     path: Path
@@ -56,25 +59,35 @@ class Dataset:
     notes: tuple[str, ...] = ()
     frfs: tuple[FRF, ...] = ()
     joint: str | None = None
+    servos: tuple[ServoRun, ...] = ()
 
     @property
-    def fit(self) -> tuple[Record | FRF, ...]:
-        """Records and frequency responses that identify parameters."""
+    def controller(self) -> str | None:
+        """What the drive closes by itself: "position", or None where it takes a torque."""
+        return "position" if self.servos else None
+
+    @property
+    def all(self) -> tuple[Record | FRF | ServoRun, ...]:
+        """Records, frequency responses and runs of a servo, whatever they are for."""
+        return (*self.records, *self.frfs, *self.servos)
+
+    @property
+    def fit(self) -> tuple[Record | FRF | ServoRun, ...]:
+        """Those that identify parameters."""
         return self._used("fit")
 
     @property
-    def select(self) -> tuple[Record | FRF, ...]:
+    def select(self) -> tuple[Record | FRF | ServoRun, ...]:
         """Those that choose between models; empty where none was set apart."""
         return self._used("select")
 
     @property
-    def validate(self) -> tuple[Record | FRF, ...]:
+    def validate(self) -> tuple[Record | FRF | ServoRun, ...]:
         """Those that are scored once, after every choice."""
         return self._used("validate")
 
-    def _used(self, use: str) -> tuple[Record | FRF, ...]:
-        found: tuple[Record | FRF, ...] = (*self.records, *self.frfs)
-        return tuple(x for x in found if x.use == use)
+    def _used(self, use: str) -> tuple[Record | FRF | ServoRun, ...]:
+        return tuple(x for x in self.all if x.use == use)
 
 
 def joints(path: str | Path) -> tuple[str, ...]:
@@ -108,8 +121,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
     try:
         expect_known(table, ("axis", "record", "frf"), "")
         if "controller" in subtable(table, "axis"):
-            raise DataError("axis.controller says that a servo closes its own loop: its logs have no torque; read the "
-                            "set with gms_mujoco.position_servo.load")
+            return _servo_set(table, file.parent, joint)
         axis = Axis(subtable(table, "axis"), file.parent, joint)
         entries = [e for i, e in enumerate(tables(table, "record"), 1) if axis.has(e, f"record {i}")]
         frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(tables(table, "frf"), 1))
@@ -147,15 +159,34 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
     )  # fmt: skip
 
 
+def _servo_set(table: Mapping[str, Any], folder: Path, joint: str | None) -> Dataset:
+    """The set of a servo that closes its own position loop."""
+    axis = subtable(table, "axis")
+    expect_known(axis, ("controller",), "axis.")
+    if axis["controller"] not in CONTROLLERS:
+        raise DataError(f"axis.controller must be {listing(CONTROLLERS)}; {axis['controller']!r} given")
+    if "frf" in table:
+        raise DataError("a servo that closes its own position loop takes no torque: [[frf]] has no place here")
+    if joint is not None:
+        raise DataError(f"the set is of a servo, not of joints of a robot; joint {joint!r} given")
+    runs, split = servo_run.read_all(tables(table, "record"), folder)
+    notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in runs for note in r.notes))
+    return Dataset(folder, (), split=split, notes=notes, servos=runs)
+
+
 def save(
-    path: str | Path, records: Sequence[Record], kind: str = "hinge", inertia: float | None = None, suffix: str = ".csv"
+    path: str | Path,
+    records: Sequence[Record | ServoRun],
+    kind: str = "hinge",
+    inertia: float | None = None,
+    suffix: str = ".csv",
 ) -> None:
     """Writes records as a measurement set that `load` reads back: a file each, named after it, and `dataset.toml`.
 
     Args:
         path: folder, made where it does not exist.
-        records: of one axis; all have the resolution of the first.
-        kind, inertia: of the axis; [kg m^2] or [kg].
+        records: of one axis, with the resolution of the first; or runs of a servo that closes its own position loop.
+        kind, inertia: of the axis; [kg m^2] or [kg]. Of a servo neither is asked.
         suffix: of a format in `formats`.
 
     Raises:
@@ -166,14 +197,23 @@ def save(
     for name in names:
         if names.count(name) > 1:
             raise DataError(f"{path}: two records are called {name!r}")
-    lines = ["[axis]", f'kind = "{kind}"']
-    if inertia is not None:
-        lines.append(f"inertia = {float(inertia)!r}")
-    if records and records[0].resolution:
-        lines.append(f"encoder_resolution = {float(records[0].resolution)!r}")
+    lines = ["[axis]"]
+    if any(isinstance(r, ServoRun) for r in records):
+        lines.append('controller = "position"')
+    else:
+        lines.append(f'kind = "{kind}"')
+        if inertia is not None:
+            lines.append(f"inertia = {float(inertia)!r}")
+        if records and isinstance(records[0], Record) and records[0].resolution:
+            lines.append(f"encoder_resolution = {float(records[0].resolution)!r}")
     for name, r in zip(names, records, strict=True):
-        formats.write(folder / name, {"time": r.time, **r.signals})
+        if isinstance(r, ServoRun):
+            signals, header = servo_run.to_table(r)
+        else:
+            signals, header = {"time": r.time, **r.signals}, {}
+        formats.write(folder / name, signals)
         lines += ["", "[[record]]", f"file = {json.dumps(name)}", f'use = "{r.use}"']
+        lines += [f"{key} = {value!r}" for key, value in header.items()]
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 

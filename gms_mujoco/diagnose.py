@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from . import effects
-from .compare import Comparison, compare_observations, quick_torque_error
+from .compare import Comparison, compare_observations, quick_error
 from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import Progress, baseline, relative_error
+from .fit import Progress, baseline
 from .frf_observation import Seen
 from .friction_law import FrictionLaw, would_be_better
 from .held_out import p_value
 from .inverse import Observation
-from .observe import observe
+from .observe import driven, observe
 from .plant import Plant
 from .recheck import drop_false, drop_late, exchange
 from .remainder import describe
+from .score import Score, relative_error
 from .screen import Screen
 from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
@@ -44,7 +45,7 @@ class Diagnosis:
     Attributes:
         verdict: "adequate" (the baseline is at the noise floor), "explained" (the effects added bring it there),
             "partly_explained" (they help, something remains) or "unexplained" (nothing known earns its place).
-        noise_floor: the torque error that a perfect model would have.
+        noise_floor: the torque error that a perfect model would have; of a servo the position error [rad].
         steps: the baseline, then one for each effect added.
         candidates: what was tried on the final plant and left out.
         remainder: what is left looks like this; empty where nothing is.
@@ -71,6 +72,11 @@ class Diagnosis:
         return self.steps[-1].result.plant
 
     @property
+    def score(self) -> Score:
+        """What the errors and the floor are of, and how they are told."""
+        return self.steps[0].result.score
+
+    @property
     def comparisons(self) -> list[Comparison]:
         """Each step on the validate records."""
         return [s.comparison for s in self.steps if s.comparison is not None]
@@ -88,6 +94,8 @@ class Diagnosis:
         return {
             "schema": 1,
             "verdict": self.verdict,
+            "error_of": self.score.of,
+            "error_unit": self.score.unit,
             "noise_floor": self.noise_floor,
             "bandwidth_hz": max(o.bandwidth for o in self.steps[0].result.misfit.observations),
             "steps": [_step_dict(s, self.plant) for s in self.steps],
@@ -101,12 +109,12 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [f"verdict: {self.verdict.replace('_', ' ')}", ""]
-        lines.append(f"{'model':32}  {'fit':>8}  {'validate':>8}   torque error in % of the torque")
+        lines.append(f"{'model':32}  {'fit':>8}  {'validate':>8}   {self.score.head}")
         for s in self.steps:
             name = "baseline" if s.effect is None else f"+ {s.effect}"
-            validate = "-" if s.validate_error is None else f"{100 * s.validate_error:.2f}"
-            lines.append(f"{name:32}  {100 * s.result.error:8.2f}  {validate:>8}")
-        lines.append(f"{'noise floor':32}  {'':8}  {100 * self.noise_floor:8.2f}")
+            fitted, validate = map(self.score.column, (s.result.error, s.validate_error))
+            lines.append(f"{name:32}  {fitted:>8}  {validate:>8}")
+        lines.append(f"{'noise floor':32}  {'':8}  {self.score.column(self.noise_floor):>8}")
         for s in self.steps:
             lines += ["", s.evidence] if s.evidence else []
             if s.confusable_with:
@@ -140,6 +148,7 @@ def diagnose(
     plant: Plant | None = None,
     *,
     candidates: Sequence[Shape] = (),
+    without: Collection[str] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The whole loop: fit the baseline, find the effect that is missing, add it, refit, until nothing more earns it.
@@ -161,21 +170,27 @@ def diagnose(
             scored on the final plant, in a joint linear refit of its strength and the plant, by the same test on
             blocks not seen, and reported among the candidates by its name; it is not added. An effect in one file
             (see CONTRIBUTING) is.
+        without: names of effects that you know not to be there; they are not looked at.
         progress: called with a share in 0..1 and a message.
 
     Raises:
         DataError: there is nothing to fit, or a candidate gives no torque for each sample.
+        ModelError: no effect has the name of one in `without`, or the plant takes a goal and the data have torques, or
+            the other way round.
     """
+    for name in without:
+        effects.find(name)
     report = progress or (lambda done, message: None)
     if not runs.fit:
         raise DataError('no fit records; mark some with use = "fit"')
-    start = plant or baseline(runs.inertia, runs.kind)
+    start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
+    driven(start, runs.fit)
     report(0.0, "looking at the records")
     seen = observe(runs.fit, start.inertia)
     bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
-    search = Search(seen, select, start)
+    search = Search(seen, select, start, without)
     friction = FrictionLaw(search, free=plant is None)
     search.first(lambda done, message: report(0.02 + 0.2 * done, f"baseline: {message}"))
     for k in range(MOST_ROUNDS):
@@ -213,13 +228,15 @@ def diagnose(
     )  # fmt: skip
     comparison = steps[-1].comparison
     rejected = tuple(
-        Rejected(name, p, quick_torque_error(trial, validate, comparison) if comparison else None)
+        Rejected(name, p, quick_error(trial, validate, comparison) if comparison else None)
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, said)
     if candidates:
+        if runs.controller:
+            raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")
@@ -285,8 +302,8 @@ def _holds(comparisons: Sequence[Comparison]) -> bool:
     """
     if len(comparisons) < 2:
         return True
-    best = min(c.torque_error for c in comparisons[:-1])
-    return comparisons[-1].torque_error <= max(best, AT_FLOOR * comparisons[-1].noise_floor)
+    best = min(c.error for c in comparisons[:-1])
+    return comparisons[-1].error <= max(best, AT_FLOOR * comparisons[-1].noise_floor)
 
 
 def _other_curve(search: Search) -> str:
@@ -305,8 +322,9 @@ def _evidence(before: Step, step: Step) -> str:
     """One sentence that can be checked on a plot."""
     assert step.effect is not None
     better = sum(b < a for a, b in zip(before.held_out.by_record, step.held_out.by_record, strict=True))
+    score = step.result.score
     return (
-        f"{step.effect}: with it the torque error falls from {100 * before.result.error:.2f} % to "
-        f"{100 * step.result.error:.2f} % (p = {step.p_value:.1g} on held-out blocks), in {better} of "
+        f"{step.effect}: with it the {score.name} falls from {score.told(before.result.error)} to "
+        f"{score.told(step.result.error)} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
         f"{len(step.held_out.by_record)} fit records; {_lowered(effects.find(step.effect).signature)}"
     )

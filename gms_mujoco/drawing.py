@@ -143,3 +143,13 @@ def _number(value: float, logarithmic: bool) -> str:
 def rgb(colour: str) -> tuple[int, int, int]:
     """Of "#rrggbb"."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def say(stream: rr.RecordingStream, entity: str, lines: Sequence[str]) -> None:
+    """Logs a text in Markdown as `ENTITY/text`."""
+    stream.log(f"{entity}/text", rr.TextDocument("\n".join(lines), media_type="text/markdown"), static=True)
+
+
+def text(entity: str, name: str) -> rrb.TextDocumentView:
+    """The view of a text."""
+    return rrb.TextDocumentView(origin=f"{entity}/text", name=name)

@@ -10,10 +10,8 @@ from . import effects
 from .effect import Effect
 from .errors import ModelError
 from .fit import FitResult, Progress, fit_observations
-from .frf import FRF
-from .observe import observe
+from .observe import Data, driven, observe
 from .plant import Plant
-from .record import Record
 from .screen import cross_validated
 
 COUNTS = (1, 2, 3, 4, 6, 8)
@@ -21,7 +19,7 @@ COUNTS = (1, 2, 3, 4, 6, 8)
 
 def choose_elements(
     plant: Plant,
-    data: Sequence[Record | FRF],
+    data: Sequence[Data],
     counts: Sequence[int] = COUNTS,
     *,
     fixed: Collection[str] = (),
@@ -45,6 +43,7 @@ def choose_elements(
     if "gms" not in plant or "stiffness" not in plant["gms"].unset:
         raise ModelError("the number of elements is chosen for gms friction whose stiffness has no value yet")
     report = progress or (lambda done, message: None)
+    driven(plant, data)
     observations = observe(data, plant.inertia)
     found: list[tuple[FitResult, float, float]] = []
     for i, n in enumerate(counts):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,8 +83,10 @@ def plot(
     return _svg(body, width, height, f"{y_label} over {x_label}")
 
 
-def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 620) -> str:
-    """Horizontal bars in percent, one per row, with a dashed line at `floor`."""
+def bars(
+    rows: Sequence[tuple[str, float]], floor: float | None, told: Callable[[float], str], width: int = 620
+) -> str:
+    """Horizontal bars, one per row, with their value as `told` and a dashed line at `floor`."""
     left, height = 190, 34 * len(rows) + 24
     most = max([v for _, v in rows if math.isfinite(v)] + [floor or 0.0, 1e-12])
     scale = (width - left - 80) / most
@@ -94,11 +96,11 @@ def bars(rows: Sequence[tuple[str, float]], floor: float | None, width: int = 62
         long = scale * value if math.isfinite(value) else 0.0
         body.append(f'<rect x="{left}" y="{y}" width="{long:.1f}" height="22" rx="2" fill="{COLOURS[min(i, 1) + 1]}"/>')
         body.append(_text(left - 8, y + 16, name, "end"))
-        body.append(_text(left + long + 6, y + 16, f"{100 * value:.3g} %", "start"))
+        body.append(_text(left + long + 6, y + 16, told(value), "start"))
     if floor is not None and math.isfinite(floor):
         x = left + scale * floor
         body.append(f'<path d="M{x:.1f},2V{height - 20}" stroke="currentColor" stroke-dasharray="4 3"/>')
-        body.append(_text(x, height - 5, f"noise floor {100 * floor:.3g} %", "middle" if x > left + 60 else "start"))
+        body.append(_text(x, height - 5, f"noise floor {told(floor)}", "middle" if x > left + 60 else "start"))
     return f'<div class="bars" style="max-width:{width}px">{_svg(body, width, height, "errors after each step")}</div>'
 
 

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .frf import FRF
 from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .inverse import Observation
 from .least_squares import nudge, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
-from .observe import observe
+from .observe import Data, driven, observe
 from .plant import Plant
-from .record import Record
+from .score import Score
+from .servo_observation import ServoObservation, errors_of
 from .starts import starts
 from .undetermined import never_slips, undetermined
 from .version import __version__
@@ -32,6 +32,7 @@ _AGREED = 0.98  # of the cost: less of a fall is none
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _EARNED, _SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
+_RUNS = 16  # of a servo, for a first look
 _ENOUGH = 160  # points of frequency responses, for a first look
 
 
@@ -41,7 +42,8 @@ class FitResult:
 
     Attributes:
         plant: with its parameters, their 95 % intervals and their provenance.
-        error: rms of the torque residual over rms of the torque, pooled over the records.
+        error: rms of the torque residual over rms of the torque, pooled over the records; of a servo the mean absolute
+            error of its position [rad].
         floor: the same from sensor noise alone, for a perfect model.
         status: what was found, and a sentence on friction elements that never slipped.
         misfit, vector: the least-squares problem and its solution.
@@ -64,26 +66,37 @@ class FitResult:
         return _habit(self.misfit, self.vector)
 
     @property
+    def score(self) -> Score:
+        """What the error is of."""
+        return self.misfit.observations[0].score
+
+    @property
     def undetermined(self) -> dict[str, str]:
         """Parameters that the data do not determine, with the experiment that would."""
         return undetermined(self.plant)
 
 
-def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:
-    """Rms of the residuals over rms of the torques, records of equal weight."""
-    above = np.mean([np.mean(r**2) for r in residuals])
-    below = np.mean([np.mean(t**2) for t in torques])
-    return float(np.sqrt(above / below)) if below > 0 else float("nan")
+def baseline(
+    inertia: float | None = None, kind: str = "hinge", elements: int = 8, controller: str | None = None
+) -> Plant:
+    """The default baseline, not yet identified: inertia, GMS friction with its Stribeck level, viscous drag.
 
-
-def baseline(inertia: float | None = None, kind: str = "hinge", elements: int = 8) -> Plant:
-    """The default baseline, not yet identified: inertia, GMS friction with its Stribeck level, viscous drag."""
+    Args:
+        inertia: [kg m^2]; None: to be identified.
+        kind: "hinge" or "slide".
+        elements: of GMS.
+        controller: "position" for a servo that closes its own position loop: inertia, loop and motor, dry and viscous
+            friction.
+    """
+    if controller == "position":
+        bare = Plant.axis(inertia, kind) + effects.find("position_loop")()
+        return bare + effects.find("coulomb")() + effects.find("viscous")()
     return Plant.axis(inertia, kind) + effects.find("gms")(elements) + effects.find("viscous")()
 
 
 def fit(
     plant: Plant,
-    data: Sequence[Record | FRF],
+    data: Sequence[Data],
     *,
     fixed: Collection[str] = (),
     bandwidth: float | None = None,
@@ -93,7 +106,8 @@ def fit(
 
     Least squares on the difference of applied torque and torque needed along the measured motion, over all
     records together, in the band that the sensors allow, and over every point of frequency responses, each weighed by
-    its uncertainty (`frf_observation`). Parameters that have no value yet are started from the
+    its uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from
+    the goal (`servo_observation`). Parameters that have no value yet are started from the
     data; the others start where they are.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
@@ -101,17 +115,18 @@ def fit(
 
     Args:
         plant: with or without values; a known inertia stays as it is.
-        data: runs and frequency responses to fit, SI units.
+        data: records and frequency responses, or runs of a servo, SI units.
         fixed: names "effect.parameter" to leave as they are.
         bandwidth: of the runs [Hz]; None: chosen from the noise of the records.
         progress: called with a share in 0..1 and a message.
 
     Raises:
         DataError: nothing to fit, or a response that cannot be used alone.
-        ModelError: a parameter has no value and cannot be identified, or the plant takes no torque.
+        ModelError: a parameter has no value and cannot be identified, or the plant takes a goal and the data have
+            torques, or the other way round.
     """
     report = progress or (lambda done, message: None)
-    plant.torque_driven()
+    driven(plant, data)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     found = fit_observations(plant, observations, fixed, report)
@@ -199,7 +214,9 @@ def rough_fit(
 
 
 def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
-    """Enough of the points of frequency responses to see where a fit leads."""
+    """Enough of the points of frequency responses, or of the runs of a servo, to see where a fit leads."""
+    if len(observations) > _RUNS and isinstance(observations[0], ServoObservation):
+        return list(observations[:: math.ceil(len(observations) / _RUNS)])
     points = sum(len(o.frf) for o in observations if isinstance(o, FrfObservation))
     every = math.ceil(points / enough)
     return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
@@ -208,7 +225,7 @@ def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
 def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
     """The fit next to a vector that is already close, until no step would move it by much of an interval."""
     x = solve(misfit, misfit.settle(x), max_steps)
-    for _ in range(2):
+    for _ in range(2 if any(isinstance(o, Observation) for o in misfit.observations) else 0):
         x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / max(len(misfit.residual(x)), 1))
     return _result(misfit, _agreed(misfit, x, max_steps // 2))
 
@@ -226,12 +243,18 @@ def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] 
     return x
 
 
+def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
+    """The errors that rows of least squares stand for."""
+    return [errors_of(r) for r in rows] if score.of == "position" else list(rows)
+
+
 def _result(misfit: Misfit, x: Array) -> FitResult:
     n = misfit.coordinates.size
     plant = misfit.coordinates.decode(x[:n])
     residual, observations = misfit.residual(x), misfit.observations
     applied = [o.applied(plant) for o in observations]
-    error = relative_error(np.split(residual, misfit.splits), applied)
+    score = observations[0].score
+    error = score.pooled(_told(score, np.split(residual, misfit.splits)), applied)
     assert plant.inertia is not None
     noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
     rng = np.random.default_rng(0)
@@ -239,7 +262,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
         for i, (o, left) in enumerate(zip(observations, np.split(residual, misfit.splits), strict=True))
     ]
-    floor = relative_error(floor_rows, applied)
+    floor = score.pooled(_told(score, floor_rows), applied)
     whole, deviations = covariance(misfit, x)
     scatter = whole[:n, :n]
     intervals = misfit.coordinates.intervals(x[:n], scatter, deviations[:n])
@@ -253,14 +276,17 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "clock_skew": misfit.skew(x),
         "version": f"gms_mujoco {__version__}",
     }
+    if score.of == "position":
+        provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty=intervals, covariance=together)
     if missing := undetermined(plant):
         provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
     plant = replace(plant, provenance=provenance)
-    status = (
-        f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz, "
-        f"noise floor {100 * floor:.2f} %"
-    )
+    if score.of == "torque":
+        status = f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz"
+        status += f", noise floor {100 * floor:.2f} %"
+    else:
+        status = f"mean absolute position error {score.told(error)}, noise floor {score.told(floor)}"
     if habit := _habit(misfit, x):
         status += f". {habit}"
     if stuck := never_slips(plant, observations):

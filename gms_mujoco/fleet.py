@@ -217,7 +217,7 @@ def _do(task: Task, folder: Path) -> Row:
 
 def _start(task: Task, runs: Dataset) -> Plant:
     if task.plant is None:
-        return baseline(runs.inertia, runs.kind)
+        return baseline(runs.inertia, runs.kind, controller=runs.controller)
     plant = plant_of_text(task.plant)
     if plant.kind != runs.kind:
         raise GmsError(f"the plant is a {plant.kind} joint, the measurement set is of a {runs.kind} joint")
@@ -233,7 +233,7 @@ def _fit(task: Task, folder: Path) -> Row:
     runs = load(task.dataset, task.joint)
     found = fit(_start(task, runs), runs.fit)
     found.plant.save(folder / "model.toml")
-    scored = compare(found.plant, runs.validate).torque_error if runs.validate else None
+    scored = compare(found.plant, runs.validate).error if runs.validate else None
     return _row(found.plant, found.error, scored, found.floor)
 
 
@@ -317,7 +317,8 @@ def bootstrap(
     report = progress or (lambda done, message: None)
     folder, path = files.make_folder(out), find_sets(dataset)[0]
     if any(not isinstance(r, Record) for r in load(path, joint).fit):
-        raise DataError(f"{path}: a bootstrap redraws residuals in time; the set has frequency responses")
+        raise DataError(f"{path}: a bootstrap redraws torque residuals in time; the set has frequency responses or "
+                        "runs of a servo")
     if not 0 < block < math.inf:
         raise GmsError(f"block must be a positive number of seconds; {block!r} given")
     text = None if plant is None else plant.to_toml()

@@ -28,6 +28,8 @@ from .frf import FRF, join_sines, usable
 from .harmonics import ORDERS, balance
 from .inverse import Observation
 from .plant import Plant
+from .score import TORQUE
+from .servo_observation import ServoObservation
 from .sines import Sines
 
 Array = NDArray[np.float64]
@@ -60,6 +62,8 @@ class FrfObservation(Sines):
     deviation: Array
     scale: float = 1.0
     extra: Complex | None = None
+
+    score = TORQUE
 
     @property
     def name(self) -> str:
@@ -308,4 +312,4 @@ def rescaled(observations: Sequence[FrfObservation], scale: float | None = None)
     return [replace(o, scale=scale) for o in observations]
 
 
-Seen = Observation | FrfObservation
+Seen = Observation | FrfObservation | ServoObservation

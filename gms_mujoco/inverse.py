@@ -26,6 +26,7 @@ from .grid import Grid, Path
 from .native import series
 from .plant import Plant
 from .record import Record
+from .score import TORQUE
 
 Array = NDArray[np.float64]
 
@@ -95,6 +96,7 @@ class Observation:
     typical_torque = None  # what is applied is one
     additive = True  # what an effect needs does not depend on the others
     jumps = True  # as an element slips at one sample or the next
+    score = TORQUE
 
     @property
     def name(self) -> str:
@@ -108,6 +110,11 @@ class Observation:
     def sample_time(self) -> float:
         """[s]."""
         return self.record.sample_time
+
+    @property
+    def step(self) -> float:
+        """From one band-limited value to the next [s]."""
+        return self.stride * self.record.sample_time
 
     @property
     def duration(self) -> float:

@@ -19,6 +19,8 @@ from .inverse import Observation
 from .native import Joint
 from .plant import Plant
 from .scales import Scales
+from .servo_observation import ServoObservation
+from .servo_starts import untold
 from .starts import visible_limits
 from .threads import each
 
@@ -45,7 +47,7 @@ class Misfit:
     Args:
         template: which effects there are, and what a fit leaves as it is.
         observations: to explain.
-        fixed: see `Coordinates`.
+        fixed: see `Coordinates`; also what these observations cannot tell from something else.
         memory: whether the states before the records are unknowns; else nothing has ever moved.
         coarse: torques run straight from sample to sample, for a first look at half the price.
     """
@@ -58,7 +60,7 @@ class Misfit:
         memory: bool = True,
         coarse: bool = False,
     ) -> None:
-        self.coordinates = Coordinates(template, fixed)
+        self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)))
         self.coarse = coarse
         self.set_grids: list[Grid | None] | None = None
         self.set_steps: Array | None = None
@@ -75,7 +77,8 @@ class Misfit:
     def observe(self, observations: Sequence[Seen]) -> None:
         """Sets what is to be explained; frequency responses that follow each other are worked on together."""
         self.observations = tuple(observations)
-        self._seen: list[tuple[int, Observation | Together]] = []  # each with the number of its first observation
+        # Each with the number of its first observation.
+        self._seen: list[tuple[int, Observation | ServoObservation | Together]] = []
         for is_frf, group in groupby(enumerate(self.observations), lambda o: isinstance(o[1], FrfObservation)):
             some = list(group)
             if is_frf:

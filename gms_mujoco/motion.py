@@ -36,14 +36,19 @@ class Swings:
     @classmethod
     def of(cls, o: Observation) -> Swings:
         """Swings at the band-limited samples of an observation; those that encoder noise could make do not count."""
-        q = o.position
-        turns = turning_points(q, _SEEN * float(np.std(o.record.position - q)))
+        return cls.between(o.record.time, o.position, _SEEN * float(np.std(o.record.position - o.position)), o.index)
+
+    @classmethod
+    def between(cls, time: Array, q: Array, least: float, index: NDArray[np.intp] | None = None) -> Swings:
+        """Swings of a position (n,) at some of its samples, those shorter than `least` left out [s], [rad]."""
+        index = np.arange(len(q)) if index is None else index
+        turns = turning_points(q, least)
         marks = np.concatenate([[0], turns, [len(q) - 1]]).astype(int)
-        k = np.searchsorted(turns, o.index, side="right")  # the mark before each sample
+        k = np.searchsorted(turns, index, side="right")  # the mark before each sample
         begin, end = marks[k], marks[k + 1]
         known = k > 0
-        distance = np.where(known, np.abs(q[o.index] - q[begin]), np.nan)
-        time = np.where(known, o.time - o.record.time[begin], np.nan)
+        distance = np.where(known, np.abs(q[index] - q[begin]), np.nan)
+        time = np.where(known, time[index] - time[begin], np.nan)
         return cls(distance, time, np.sign(q[end] - q[begin]), np.abs(q[end] - q[begin]))
 
     def regime(self, break_away: float) -> NDArray[np.intp]:

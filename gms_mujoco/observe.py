@@ -1,4 +1,4 @@
-"""What a fit looks at: records seen through one band, and frequency responses beside them."""
+"""What a fit looks at: records seen through one band, and frequency responses beside them; or runs of a servo."""
 
 from __future__ import annotations
 
@@ -16,17 +16,29 @@ from .noise import choose_bandwidth, estimate_noise, rough_inertia
 from .plant import Plant
 from .plausible import filled
 from .record import Record
+from .servo_observation import expect_servo, observe_servos
+from .servo_run import ServoRun
 
 _LEAST_DEVIATION = 3e-3  # of the torque in records: no model of one is better
 
 
+Data = Record | FRF | ServoRun
+
+
+def driven(plant: Plant, data: Sequence[Data]) -> Plant:
+    """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round."""
+    if any(isinstance(d, ServoRun) for d in data):
+        return expect_servo(plant)
+    return plant.torque_driven()
+
+
 def observe(
-    data: Sequence[Record | FRF],
+    data: Sequence[Data],
     inertia: float | None = None,
     bandwidth: float | None = None,
     plant: Plant | None = None,
 ) -> list[Seen]:
-    """Records and frequency responses as observations of one fit, each weighed by its uncertainty.
+    """Records and frequency responses, or runs of a servo, as observations of one fit, each weighed by its uncertainty.
 
     Args:
         data: in any order; records come first in the result, readings that were held filled in (`plausible.filled`).
@@ -40,6 +52,11 @@ def observe(
     Raises:
         DataError: there is nothing to look at, or no response can be used and why.
     """
+    servos = [d for d in data if isinstance(d, ServoRun)]
+    if servos:
+        if len(servos) < len(data):
+            raise DataError("runs of a servo that takes a goal cannot stand beside records of torque")
+        return list(observe_servos(servos))
     records = [filled(d)[0] for d in data if isinstance(d, Record)]
     frfs, refused = [], []
     for d in data:

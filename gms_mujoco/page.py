@@ -25,6 +25,11 @@ _OPEN = 3  # records that are shown unfolded
 _TELLING = 3  # views by their share of the residual that are shown unfolded, beside those that always are
 _ALWAYS = ("revolution_harmonic", "frequency", "autocorrelation")
 
+RESIDUAL = {  # in words, by what the error is of
+    "torque": "measured torque less the torque that the model needs along the measured motion",
+    "position": "measured position less the one simulated from the goal",
+}
+
 _STYLE = """
 :root { color-scheme: light dark }
 * { box-sizing: border-box }
@@ -137,13 +142,13 @@ def where_it_fails(shown: Shown) -> str:
     )
     key = figure.legend([(name, colour) for name, _, colour in shown], NOISE)
     most, rest = telling(first)
-    parts = [lines, _regimes(shown), key, _grid([view_figure(shown, m) for m in most])]
+    parts = [lines, _regimes(shown), key, grid([view_figure(shown, m) for m in most])]
     if rest:
-        more = key + _grid([view_figure(shown, m) for m in rest])
+        more = key + grid([view_figure(shown, m) for m in rest])
         parts.append(f"<details><summary>{len(rest)} more views</summary>{more}</details>")
     return (
-        "<section><h2>Where it fails</h2><p>Mean of the residual, which is measured torque less the torque that the "
-        "model needs along the measured motion. A mean within the grey band may be sensor noise.</p>"
+        f"<section><h2>Where it fails</h2><p>Mean of the residual, which is {RESIDUAL[first.score.of]}. A mean within "
+        "the grey band may be sensor noise.</p>"
         + "".join(parts) + "</section>"
     )  # fmt: skip
 
@@ -183,8 +188,9 @@ def _regimes(shown: Shown) -> str:
     for name in names:
         found = [next((g for g in c.regimes if g.name == name), None) for _, c, _ in shown]
         first, last = found[0], found[-1]
-        cells = [percent(g.error) if g else "-" for g in found]
-        rows.append([name, percent(first.time_share) if first else "-", *cells, percent(last.floor) if last else "-"])
+        told = shown[0][1].score.told
+        cells = [told(g.error) if g else "-" for g in found]
+        rows.append([name, percent(first.time_share) if first else "-", *cells, told(last.floor) if last else "-"])
     heads = ["regime", "of the time", *(f"error, {escape(name)}" for name, _, _ in shown), "noise floor"]
     return table(heads, rows, range(1, len(heads)))
 
@@ -233,7 +239,7 @@ def _record(shown: Shown, i: int) -> str:
     errors = ", ".join(f"{escape(n)} {percent(r.torque_error)}" for n, r, _ in rows)
     return (
         f"<h3>{escape(first.name)} <small>torque error {errors}; noise floor {percent(last.noise_floor)}</small></h3>"
-        + _grid(pictures)
+        + grid(pictures)
     )
 
 
@@ -251,7 +257,7 @@ def _after_reversal(shown: Shown) -> str:
         curves.insert(0, Curve("measured", found[0], found[1], figure.COLOURS[0], "under"))
     picture = figure.plot(curves, "distance since the reversal", angle, "friction along the motion", torque,
                           log=(True, False))  # fmt: skip
-    return _grid([f"<h4>How friction turns round after a reversal <small>mean of all records</small></h4>{picture}"])
+    return grid([f"<h4>How friction turns round after a reversal <small>mean of all records</small></h4>{picture}"])
 
 
 def friction(c: Comparison, r: RecordComparison) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -262,12 +268,13 @@ def friction(c: Comparison, r: RecordComparison) -> tuple[NDArray[np.float64], N
 
 def worst_first(comparison: Comparison) -> list[int]:
     """Numbers of the records, the one that the plant explains least first."""
-    return sorted(range(len(comparison.records)), key=lambda i: -comparison.records[i].torque_error)
+    return sorted(range(len(comparison.timed)), key=lambda i: -comparison.timed[i].error)
 
 
 def _units(shown: Shown) -> tuple[str, str]:
     return ("N m", "rad") if shown[0][1].plant.kind == "hinge" else ("N", "m")
 
 
-def _grid(cells: Sequence[str]) -> str:
+def grid(cells: Sequence[str]) -> str:
+    """Figures side by side."""
     return f'<div class="plots">{"".join(f"<div>{c}</div>" for c in cells)}</div>'

@@ -174,7 +174,8 @@ class Plant:
         """Itself; raises ModelError where it closes a position loop of its own, so that no torque is asked of it."""
         for e in self.effects:
             if e.kind == "controller":
-                raise ModelError(f"a plant with {e.name} takes a goal, not a torque; see position_servo")
+                raise ModelError(f"a plant with {e.name} takes a goal, not a torque: it is for runs of a servo, whose "
+                                 'dataset.toml has controller = "position"')
         return self
 
     def joint(self) -> native.Joint:

@@ -12,11 +12,13 @@ from scipy import signal
 from .frf_observation import FrfObservation
 from .inverse import Observation
 from .misfit import Misfit
+from .servo_observation import ServoObservation, errors_of
 
 Array = NDArray[np.float64]
 
 _NOTABLE = 0.25  # of the squared residual
 _DENSER = 3  # odds of the squared residual over odds of the time
+_CROWDED = 1.5  # the same for runs of a servo, whose errors stay
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
@@ -27,7 +29,10 @@ def describe(misfit: Misfit, vector: Array) -> str:
     total = float(energy.sum())
     if total <= 0:
         return "nothing"
-    observations = misfit.observations
+    servos = [o for o in misfit.observations if isinstance(o, ServoObservation)]
+    if servos:
+        return _of_servo(servos, parts)
+    observations = [o for o in misfit.observations if not isinstance(o, ServoObservation)]
     plant = misfit.coordinates.decode(vector[: misfit.coordinates.size])
     torque = math.sqrt(sum(float(np.sum(o.applied(plant) ** 2)) for o in observations))
     said = [f"{100 * math.sqrt(total) / torque:.1f} % of the torque"]
@@ -76,6 +81,41 @@ def describe(misfit: Misfit, vector: Array) -> str:
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
     if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
         said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
+    return ", ".join(said)
+
+
+def _of_servo(runs: Sequence[ServoObservation], parts: Sequence[Array]) -> str:
+    """How large what is left of a servo's position is, and in which runs, conditions and motions it stands."""
+    error = np.concatenate([errors_of(p) for p in parts])
+    square = np.concatenate(parts) ** 2
+    total = float(square.sum())
+    said = [f"{1e3 * float(np.mean(np.abs(error))):.3g} mrad of the position on average"]
+    owner = np.repeat(np.arange(len(runs)), [len(p) for p in parts])
+
+    def stands(here: NDArray[np.bool_], where: str) -> None:
+        share, time = float(square[here].sum()) / total, float(np.mean(here))
+        if share > _NOTABLE and share * (1 - time) > _CROWDED * time * (1 - share):
+            said.append(f"{where} ({100 * share:.0f} % of its square in {100 * time:.0f} % of the time)")
+
+    worst = int(np.argmax(np.bincount(owner, square)))
+    stands(owner == worst, f"in {runs[worst].name}")
+    for what, values in (("at gain", [o.run.gain for o in runs]), ("with a payload of", [o.run.weight for o in runs])):
+        for value in sorted(set(values)):
+            unit = " N m" if what.startswith("with") else ""
+            stands(np.array(values)[owner] == value, f"{what} {value:.3g}{unit}")
+    powered = np.concatenate([o.run.powered[o.index] for o in runs]) > 0.5
+    position = np.concatenate([o.run.position[o.index] for o in runs])
+    velocity = np.concatenate([o.velocity[o.index] for o in runs])
+    away = velocity * np.sin(position) > 0
+    slow = np.abs(velocity) < 0.05 * np.sqrt(np.mean(velocity**2))
+    stands(~powered, "without power")
+    stands(powered & slow, "at rest")
+    stands(powered & ~slow & away, "while raising the payload")
+    stands(powered & ~slow & ~away, "while lowering the payload")
+    for x, what in ((position, "position"), (velocity, "velocity")):
+        share = _explained(x, error)
+        if share > _NOTABLE:
+            said.append(f"tied to {what} ({100 * share:.0f} %)")
     return ", ".join(said)
 
 

@@ -8,6 +8,7 @@ from . import figure
 from .compare import WINDOW
 from .figure import COLOURS
 from .page import (
+    Shown,
     escape,
     html_page,
     number,
@@ -19,6 +20,8 @@ from .page import (
     where_it_fails,
 )
 from .page_frf import responses
+from .page_servo import servo_runs
+from .score import SCORES, TORQUE, Score
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -45,9 +48,16 @@ def render(diagnosis: Diagnosis) -> str:
         shown = [(names[0], comparisons[0], COLOURS[1])]
         if len(comparisons) > 1:
             shown.append((names[-1], comparisons[-1], COLOURS[2]))
-        parts += [*([where_it_fails(shown), records(shown)] if comparisons[0].records else []), responses(shown)]
+        parts += _in_time(shown)
+        parts.append(responses(shown))
     parts += [_candidates(facts), parameters(diagnosis.plant, "The final plant"), provenance(diagnosis.plant)]
     return html_page(title, "\n".join(p for p in [*parts, _footer()] if p))
+
+
+def _in_time(shown: Shown) -> list[str]:
+    """Where the models fail on what was measured in time, and each record of it."""
+    first = shown[0][1]
+    return [where_it_fails(shown), servo_runs(shown) if first.servos else records(shown)] if first.timed else []
 
 
 def render_comparison(comparison: Comparison, name: str = "model") -> str:
@@ -57,27 +67,33 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
         name: what the plant is called on the figures.
     """
     title = "Where this model fails"
-    shown = [(name, comparison, COLOURS[1])]
+    shown, score = [(name, comparison, COLOURS[1])], comparison.score
     rows = [
-        [escape(r.name), escape(r.use), *map(percent, (r.torque_error, r.noise_floor, r.simulation_error))]
+        [escape(r.name), escape(r.use), score.told(r.error), score.told(r.noise_floor), percent(r.simulation_error)]
         for r in comparison.rows
     ]
-    pooled = (comparison.torque_error, comparison.noise_floor, comparison.simulation_error)
-    rows.append(["<b>pooled</b>", "", *(f"<b>{percent(v)}</b>" for v in pooled)])
-    heads = ("record", "use", "torque error", "noise floor", "simulation error")
+    pooled = (score.told(comparison.error), score.told(comparison.noise_floor), percent(comparison.simulation_error))
+    rows.append(["<b>pooled</b>", "", *(f"<b>{v}</b>" for v in pooled)])
+    heads = ("record", "use", score.name, "noise floor", "simulation error")
     note = (
         f"<p>Torque error: rms of the residual up to {comparison.bandwidth:.0f} Hz over the rms of the measured "
         f"torque. Simulation error: of the change of position over {1000 * WINDOW:.0f} ms.</p>"
     )
-    good = comparison.torque_error <= _AT_FLOOR * comparison.noise_floor
+    if comparison.servos:
+        note = (
+            f"<p>Position error: {_lower(score.meaning)}. Simulation error: the rms of the same over that of the "
+            "position about its mean. Noise floor: how far the measurement strays from its own repetitions, or where "
+            "nothing is repeated the noise of the encoder alone.</p>"
+        )
+    good = comparison.error <= _AT_FLOOR * comparison.noise_floor
     says = "at the noise floor" if good else "above the noise floor"
     verdict = (
-        f'<section class="verdict{"" if good else " fails"}"><p><b>{says}</b></p><p>Torque error '
-        f"{percent(comparison.torque_error)}; sensor noise alone would leave {percent(comparison.noise_floor)}.</p>"
+        f'<section class="verdict{"" if good else " fails"}"><p><b>{says}</b></p><p>{_upper(score.name)} '
+        f"{score.told(comparison.error)}; sensor noise alone would leave {score.told(comparison.noise_floor)}.</p>"
         f"{f'<p>{escape(_sentence(comparison.where))}</p>' if comparison.where else ''}</section>"
     )
     parts = [f"<h1>{title}</h1>", verdict, f"<section><h2>Errors</h2>{note}{table(heads, rows, (2, 3, 4))}</section>"]
-    parts += [where_it_fails(shown), records(shown)] if comparison.records else []
+    parts += _in_time(shown)
     parts += [responses(shown), parameters(comparison.plant, "The plant")]
     parts += [provenance(comparison.plant), _footer()]
     return html_page(title, "\n".join(p for p in parts if p))
@@ -88,10 +104,22 @@ def step_names(facts: dict[str, Any]) -> list[str]:
     return ["baseline" if s["effect"] is None else f"+ {s['effect']}" for s in facts["steps"]]
 
 
+def score_of(facts: dict[str, Any]) -> Score:
+    """What the errors in `diagnosis.json` are of."""
+    return SCORES.get(facts.get("error_of", ""), TORQUE)
+
+
 def _sentence(text: str) -> str:
     """Lines as one sentence."""
-    text = "; ".join(text.splitlines())
-    return f"{text[:1].upper()}{text[1:]}."
+    return f"{_upper('; '.join(text.splitlines()))}."
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _lower(text: str) -> str:
+    return text[:1].lower() + text[1:]
 
 
 def _verdict(facts: dict[str, Any]) -> str:
@@ -108,24 +136,24 @@ def _verdict(facts: dict[str, Any]) -> str:
 
 
 def _steps(facts: dict[str, Any]) -> str:
-    names = step_names(facts)
+    names, score = step_names(facts), score_of(facts)
     rows, said = [], ""
     for name, s in zip(names, facts["steps"], strict=True):
         evidence = escape(s.get("evidence") or "")
         if s.get("confusable_with"):
             evidence += f" Could be confused with {escape(', '.join(s['confusable_with']))}."
-        rows.append([escape(name), percent(s.get("fit_error")), percent(s.get("validate_error"))])
+        rows.append([escape(name), score.told(s.get("fit_error")), score.told(s.get("validate_error"))])
         said += f"<p>{evidence[:1].upper()}{evidence[1:]}</p>" if evidence else ""
-    rows.append(["noise floor", "", percent(facts.get("noise_floor"))])
+    rows.append(["noise floor", "", score.told(facts.get("noise_floor"))])
     key, which = "validate_error", "on records that decided nothing"
     if any(s.get(key) is None for s in facts["steps"]):
         key, which = "fit_error", "on the records it was fitted to: none was held out"
     picture = figure.bars(
-        [(n, float(s[key])) for n, s in zip(names, facts["steps"], strict=True)], facts.get("noise_floor")
+        [(n, float(s[key])) for n, s in zip(names, facts["steps"], strict=True)], facts.get("noise_floor"), score.told
     )
     return (
-        "<section><h2>The falling error</h2><p>Torque that the model does not account for, as a share of the torque's "
-        f"rms, {which}.</p>{picture}{table(('step', 'fit', 'validate'), rows, (1, 2))}{said}</section>"
+        f"<section><h2>The falling error</h2><p>{score.meaning}, {which}.</p>"
+        f"{picture}{table(('step', 'fit', 'validate'), rows, (1, 2))}{said}</section>"
     )
 
 
@@ -133,7 +161,8 @@ def _candidates(facts: dict[str, Any]) -> str:
     if not facts.get("candidates"):
         return ""
     ranked = sorted(facts["candidates"], key=lambda c: (c.get("p_value") is None, c.get("p_value")))
-    rows = [[escape(c["effect"]), percent(c.get("validate_error")), number(c.get("p_value"))] for c in ranked]
+    told = score_of(facts).told
+    rows = [[escape(c["effect"]), told(c.get("validate_error")), number(c.get("p_value"))] for c in ranked]
     return (
         "<section><h2>Effects that were tried and not added</h2><p>p value: how easily chance alone would lower the "
         "error on held-out blocks as much.</p>"

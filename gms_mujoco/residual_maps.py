@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _SHARED = (
     "position", "revolution", "velocity", "acceleration", "torque", "torque_rate", "load", "temperature",
-    "since_reversal", "time_since_reversal",
+    "since_reversal", "time_since_reversal", "following_error", "goal_rate",
 )  # fmt: skip
 _FEW = 0.05  # of all bins: outside their band in a plant that is as good as its noise is known
 _AT_FLOOR = 1.15  # times the floor: noise is known no better
@@ -33,7 +33,8 @@ class ResidualMap:
 
     Attributes:
         name: "time", "position", "revolution", "velocity", "acceleration", "torque", "torque_rate", "load",
-            "temperature", "since_reversal", "time_since_reversal"; "revolution_harmonic", "time_harmonic", "frequency";
+            "temperature", "since_reversal", "time_since_reversal"; of a servo "following_error", "goal_rate";
+            "revolution_harmonic", "time_harmonic", "frequency";
             "autocorrelation", "input_correlation".
         label, unit: of the horizontal axis.
         value_unit: of `mean`.
@@ -134,10 +135,11 @@ class Regime:
     """One regime of friction over all records.
 
     Attributes:
-        name: "pre-sliding", "reversal" or "sliding".
+        name: "pre-sliding", "reversal" or "sliding"; of a servo "at rest", "moving" or "without power".
         time_share: of the samples.
         square_share: of the squared residual.
-        error, floor: rms of the residual, and of what noise leaves, over the rms of the torque of all records.
+        error, floor: rms of the residual, and of what noise leaves, over the rms of the torque of all records; of a
+            servo their mean absolute sizes [rad].
     """
 
     name: str

@@ -43,6 +43,7 @@ class Residuals:
     def __init__(self, plant: Plant, records: Sequence[RecordComparison]) -> None:
         self.plant, self.records = plant, list(records)
         self.torque, self.angle = ("N m", "rad") if plant.kind == "hinge" else ("N", "m")
+        self.unit = self.torque  # of the residual
         self._parts = [r.residual for r in self.records]
         self._square = float(sum(p @ p for p in self._parts)) or 1e-300
 
@@ -74,13 +75,17 @@ class Residuals:
     def regimes(self) -> tuple[Regime, ...]:
         """Error in pre-sliding, after reversals and in sliding; a regime that the records do not enter is left out."""
         where = np.concatenate([s.regime(self._break_away) for s in self._swings])
-        residual, floor = np.concatenate(self._parts), np.concatenate([r.floor for r in self.records])
         torque = float(np.sqrt(np.mean(np.concatenate([r.measured for r in self.records]) ** 2))) or 1e-300
+        return self._by_regime(REGIMES, where, lambda x: float(np.sqrt(np.mean(x**2))) / torque)
+
+    def _by_regime(self, names: Sequence[str], where: Index, size: Callable[[Array], float]) -> tuple[Regime, ...]:
+        """Error and floor by `size` where each regime is, of those that the records enter."""
+        residual, floor = np.concatenate(self._parts), np.concatenate([r.floor for r in self.records])
         out = []
-        for k, name in enumerate(REGIMES):
+        for k, name in enumerate(names):
             here = where == k
             if here.any():
-                e, f = (float(np.sqrt(np.mean(x[here] ** 2))) / torque for x in (residual, floor))
+                e, f = (size(x[here]) for x in (residual, floor))
                 share = float(np.sum(residual[here] ** 2)) / self._square
                 out.append(Regime(name, float(here.mean()), share, e, f))
         return tuple(out)
@@ -90,7 +95,7 @@ class Residuals:
         n = sum(map(len, self._parts))
         offset = sum(float(p.sum()) for p in self._parts) / n
         floor = math.sqrt(sum(float(r.floor @ r.floor) for r in self.records)) or 1e-300
-        return where(views, regimes, math.sqrt(self._square) / floor, offset, n * offset**2 / self._square, self.torque)
+        return where(views, regimes, math.sqrt(self._square) / floor, offset, n * offset**2 / self._square, self.unit)
 
     def after_reversal(self) -> tuple[Array, Array, Array] | None:
         """Friction along the motion after a reversal, in swings that end in sliding: the hysteresis as one curve.
@@ -189,7 +194,7 @@ class Residuals:
         shown &= np.isfinite(centres)
         at = int(np.argmax(np.where(shown, np.abs(mean - expected) - band, -np.inf)))
         return ResidualMap(
-            name, label, unit, self.torque, centres[shown], mean[shown], expected[shown], band[shown],
+            name, label, unit, self.unit, centres[shown], mean[shown], expected[shown], band[shown],
             count[shown], _predicted(groups, values, len(edges) + 1), f"largest at {centres[at]:.3g} {unit}",
             along=along,
         )  # fmt: skip
@@ -203,7 +208,7 @@ class Residuals:
         mean, band, count = self._noise.means([group], [r.residual], [self._drawn[k]], n)
         expected = group_means(group, r.sampling, n)
         return ResidualMap(
-            "time", "time", "s", self.torque, group_means(group, r.time, n), mean,
+            "time", "time", "s", self.unit, group_means(group, r.time, n), mean,
             expected, band, count, record=r.name,
         )  # fmt: skip
 
@@ -217,7 +222,7 @@ class Residuals:
         )
         at = int(np.argmax(share))
         return ResidualMap(
-            "revolution_harmonic", "harmonic", "1/rev", self.torque, np.arange(1.0, _HARMONICS + 1), amplitude,
+            "revolution_harmonic", "harmonic", "1/rev", self.unit, np.arange(1.0, _HARMONICS + 1), amplitude,
             np.zeros(_HARMONICS), band, np.full(_HARMONICS, sum(map(len, self._parts))), float(share[at]),
             f"{at + 1} per revolution",
         )  # fmt: skip
@@ -226,20 +231,24 @@ class Residuals:
         """Of a periodic excitation. Odd ones speak of what is alike in both directions, even ones of what is not."""
         r = self.records[k]
         o = r.observation
-        period = find_period(o.record.torque)
+        period = find_period(self._excitation(k))
         if period is None:
             return None
-        base = 1 / (period * o.record.sample_time)
+        base = 1 / (period * o.sample_time)
         orders = np.arange(1, min(_TIME_HARMONICS, int(o.bandwidth / base)) + 1)
         if len(orders) < 2:
             return None
         amplitude, band, share = self._harmonics([2 * math.pi * base * r.time], [k], orders)
         odd, even = float(share[::2].sum()), float(share[1::2].sum())
         return ResidualMap(
-            "time_harmonic", f"harmonic of {base:.4g} Hz", "1", self.torque, orders.astype(float), amplitude,
+            "time_harmonic", f"harmonic of {base:.4g} Hz", "1", self.unit, orders.astype(float), amplitude,
             np.zeros(len(orders)), band, np.full(len(orders), len(r.time)), float(share.max()),
             f"odd harmonics {100 * odd:.0f} %, even {100 * even:.0f} %", r.name,
         )  # fmt: skip
+
+    def _excitation(self, k: int) -> Array:
+        """(n,) what drives a record, sample by sample."""
+        return self.records[k].observation.commands
 
     def _harmonics(self, phases: list[Array], which: Sequence[int], orders: Index) -> tuple[Array, Array, Array]:
         """Amplitude of each harmonic by itself, its band under noise, and its share of the squared residual."""
@@ -271,7 +280,7 @@ class Residuals:
         edges = np.geomspace(low, r0.bandwidth, _BANDS + 1)
         total = np.zeros((3, _BANDS))
         for r in self.records:
-            rate = 1 / (r.observation.stride * r.observation.record.sample_time)
+            rate = 1 / (r.observation.step)
             f, left = signal.periodogram(r.residual, rate, "hann")
             noise = signal.periodogram(r.floor, rate, "hann")[1]
             group = np.where((f >= low) & (f <= r0.bandwidth), np.searchsorted(edges, f, "right") - 1, -1)
@@ -290,13 +299,13 @@ class Residuals:
         centres = np.sqrt(edges[1:] * edges[:-1])[shown]
         at = int(np.argmax(left))
         return ResidualMap(
-            "frequency", "frequency", "Hz", f"{self.torque}/sqrt(Hz)", centres, mean, expected, band, count,
+            "frequency", "frequency", "Hz", f"{self.unit}/sqrt(Hz)", centres, mean, expected, band, count,
             float(left[at] / max(left.sum(), 1e-300)), f"near {centres[at]:.3g} Hz",
         )  # fmt: skip
 
     def _alike(self) -> list[RecordComparison]:
         """Records with the time step of the first."""
-        step = [r.observation.stride * r.observation.record.sample_time for r in self.records]
+        step = [r.observation.step for r in self.records]
         return [r for r, s in zip(self.records, step, strict=True) if abs(s / step[0] - 1) < 1e-3]
 
     def _correlation(self, name: str, other: Callable[[RecordComparison], Array], first: int) -> ResidualMap | None:
@@ -329,7 +338,7 @@ class Residuals:
             of_input = np.sum([products(v, v, np.arange(len(rho))) for v in inputs], axis=0)
             spread = rho @ np.where(np.arange(len(rho)) > 0, 2.0, 1.0) * (of_input / max(of_input[0], 1e-300))
             variance = max(float(np.sum(spread)), 1.0) / total + (alike / Z) ** 2
-        step = records[0].observation.stride * records[0].observation.record.sample_time
+        step = records[0].observation.step
         label = "lag" if name == "autocorrelation" else "lag behind the torque"
         return ResidualMap(
             name, label, "s", "1", np.asarray(step * lags, float), value, expected, Z * np.sqrt(variance),

@@ -28,6 +28,7 @@ from .misfit import Misfit, squared
 from .parameter import Parameter
 from .plant import Plant
 from .scales import Scales
+from .servo_observation import ServoObservation
 from .tall import gram, times
 
 Array = NDArray[np.float64]
@@ -462,7 +463,7 @@ class LinearModel:
         both = np.column_stack([self.tangents, self._scaled(added), self.residual])
         owner = _block_of_row(self.observations)
         out = self.residual.copy()
-        for blocks, move in self._folds(_block_grams(self.observations, both)):
+        for blocks, move in self._folds(_block_grams(self.observations, both), _folds(self.observations)):
             rows = np.isin(owner, blocks)
             out[rows] += both[rows, :-1] @ move
         return out
@@ -470,13 +471,11 @@ class LinearModel:
     def _scaled(self, columns: Array) -> Array:
         return columns / np.sqrt(np.mean(columns**2, 0)).clip(1e-300)
 
-    def _folds(
-        self, grams: Array, fold: NDArray[np.intp] | None = None
-    ) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    def _folds(self, grams: Array, fold: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], Array]]:
         """Blocks of each fold, and the move (p,) that fits the others best."""
         own, p = self.tangents.shape[1], grams.shape[1] - 1
         ridge = np.diag(np.append(np.full(own, self.prior**2), np.full(p - own, 1e-9 * len(self.residual))))
-        total, fold = grams.sum(0), np.arange(len(grams)) % FOLDS if fold is None else fold
+        total = grams.sum(0)
         for k in np.unique(fold):
             blocks = np.flatnonzero(fold == k)
             rest = total - grams[blocks].sum(0)
@@ -489,7 +488,7 @@ def determined(misfit: Misfit) -> NDArray[np.bool_]:
     return found if found.any() else ~found
 
 
-def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None = None) -> HeldOut:
+def cross_validated(misfit: Misfit, vector: Array) -> HeldOut:
     """What is left of each block of time by a refit without the blocks of its fold.
 
     The refit is one step of least squares from the solution, as far as it really helps the blocks it may see. The
@@ -498,14 +497,13 @@ def cross_validated(misfit: Misfit, vector: Array, fold: NDArray[np.intp] | None
 
     Args:
         misfit, vector: a problem and its solution.
-        fold: (blocks,) which blocks are left out together; None: every fifth.
     """
     residual = misfit.residual(vector)
     model = LinearModel(misfit, vector, residual)
     grams = _block_grams(model.observations, np.column_stack([model.tangents, model.residual]))
     lower, upper = misfit.bounds
     owner, out = _block_of_row(model.observations), np.empty(len(residual))
-    for blocks, move in model._folds(grams, fold):
+    for blocks, move in model._folds(grams, _folds(misfit.observations)):
         best, chosen = np.inf, residual
         for share in (0.0, 0.1, 0.3, 1.0):
             moved = vector.copy()
@@ -530,6 +528,21 @@ def _believed(left: Array, fitted: Array, observations: Sequence[Seen]) -> Array
     return np.minimum(_BLOWN_UP * np.asarray(own) / np.maximum(held_out, 1e-300), 1.0)
 
 
+def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
+    """(blocks,) number of the fold of each block of time: those that are left out together.
+
+    Every fifth; of a servo all of one payload and gain, where there are several: an effect has to hold where the fit
+    has not been, and runs of one condition share what is particular to it.
+    """
+    owner = np.repeat(np.arange(len(observations)), [len(o.index) for o in observations])
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(_block_of_row(observations))) + 1])
+    conditions = [o.condition if isinstance(o, ServoObservation) else None for o in observations]
+    kinds = sorted({c for c in conditions if c is not None})
+    if len(kinds) < 2:
+        return np.arange(len(starts)) % FOLDS
+    return np.array([kinds.index(conditions[i]) for i in owner[starts]])
+
+
 def _block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:
     """(m,) number of the block of time that each row belongs to."""
     lengths = block_sums(observations, np.ones(sum(len(o.index) for o in observations)), BLOCK).astype(int)
@@ -551,12 +564,30 @@ _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 _NEED_RECORDS = ("thermal_drift", "load_dependent_friction", "encoder_eccentricity", "position_dependent_friction")
 
 
+# Drive effects that act on the goal of a servo as they act on the torque of an axis.
+_ON_GOALS = ("delay", "least_duty")
+
+
+def _on_servos(plant: Plant) -> list[type[Effect]]:
+    """The effects that could be added to a servo: those on its shaft, a delay of its goal, and a least duty.
+
+    Not those that need a temperature, or that put a part of the inertia behind a coupling.
+    """
+    known = [e for e in effects.CATALOGUE.values() if e.is_native and (e.name not in plant or grows(e))]
+    contained = _SPECIAL_LAWS if "gms" in plant or "lugre" in plant else ("gms", "lugre")
+    known = [e for e in known if e.name not in (*contained, "thermal_drift")]
+    known = [e for e in known if not any(p.unit == "kg m^2" for p in e.parameters)]
+    return known + [effects.find(n) for n in _ON_GOALS if n not in plant]
+
+
 def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Effect]]:
     """The effects of the catalogue that could be added to a plant.
 
     Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
     none that counts revolutions; and from frequency responses alone none that they cannot show.
     """
+    if any(isinstance(o, ServoObservation) for o in observations):
+        return _on_servos(plant)
     contained = _SPECIAL_LAWS if "gms" in plant or "lugre" in plant else ("gms", "lugre")
     if observations and all(isinstance(o, FrfObservation) for o in observations):
         sizes = np.abs(np.concatenate([o.torque for o in observations if isinstance(o, FrfObservation)]))

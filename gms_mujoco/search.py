@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ from .screen import (
     is_present,
     joined,
 )
+from .servo_observation import ServoObservation
 from .speed_curve import curve
 
 Array = NDArray[np.float64]
@@ -90,15 +91,24 @@ class Step:
 
     @property
     def validate_error(self) -> float | None:
-        """Pooled torque error on the validate records."""
-        return None if self.comparison is None else self.comparison.torque_error
+        """Pooled error on the validate records: of the torque, or of the position of a servo [rad]."""
+        return None if self.comparison is None else self.comparison.error
 
 
 class Search:
-    """The state of the loop: the steps so far, and what the last round thought of every candidate."""
+    """The state of the loop: the steps so far, and what the last round thought of every candidate.
 
-    def __init__(self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant) -> None:
-        self.seen, self.select, self.start = list(seen), list(select), start
+    Args:
+        seen: what is fitted.
+        select: what has to agree with a choice; may be empty.
+        start: to begin with.
+        without: names of effects that are not looked at.
+    """
+
+    def __init__(
+        self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str] = ()
+    ) -> None:
+        self.seen, self.select, self.start, self.without = list(seen), list(select), start, without
         self.steps: list[Step] = []
         self.rejected: list[tuple[str, float, Plant]] = []
         self.false: set[str] = set()  # effects that were added and taken away again
@@ -351,7 +361,8 @@ class Search:
     @property
     def _addable(self) -> list[type[Effect]]:
         """The effects that could be added to the current plant and have not been found false."""
-        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.false]
+        left_out = {*self.false, *self.without}
+        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in left_out]
 
     @property
     def timed(self) -> bool:
@@ -385,8 +396,15 @@ class Search:
             fits.append((misfit, nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))))
             if candidate.strong:
                 strong = candidate.strong.replace(**form)
-                fits.append(rough_fit(self._fresh(plant.replace(strong)), some))
+                fits.append(self._begun(plant.replace(strong), some))
         return min(fits, key=lambda t: t[0].cost(t[1]))
+
+    def _begun(self, plant: Plant, some: Sequence[Seen]) -> tuple[Misfit, Array]:
+        """A rough fit with an effect that is strong: from the beginning, or of a servo, which bends less, from here."""
+        if self.timed or not any(isinstance(o, ServoObservation) for o in some):
+            return rough_fit(self._fresh(plant), some)
+        misfit = Misfit(plant, some)
+        return misfit, nudge(misfit, misfit.vector(plant))
 
     def _limit(
         self, current: FitResult, special: str, general: str, rough: Sequence[tuple[str, Misfit, Array]]
@@ -429,7 +447,7 @@ class Search:
         if not self.select:
             return True
         before, after = (
-            compare_observations(p, self.select).torque_error for p in (self.steps[-1].result.plant, result.plant)
+            compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
 

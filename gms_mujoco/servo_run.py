@@ -1,13 +1,14 @@
-"""Runs of a servo that closes its own position loop: a log of goal and position with a known payload, and sets of them.
+"""Runs of a servo that closes its own position loop: a log of goal and position with a known payload.
 
-A set is a folder with `dataset.toml`, as of any axis; its records have a goal in the place of a torque:
+A measurement set of them is a folder with `dataset.toml`, as of any axis; its records have a goal in the place of a
+torque:
 
     [axis]
     controller = "position"              # the servo closes its own position loop
 
     [[record]]
     file = "slow_sine.json"              # any table; JSON in the layout of Rhoban's BAM says all that follows itself
-    use = "fit"                          # or "validate"
+    use = "fit"                          # or "select", "validate"
     gain = 16                            # of the position loop, as set in the servo
     mass = 0.535                         # kg, at the end of the arm
     length = 0.1                         # m, of the arm
@@ -18,8 +19,8 @@ A set is a folder with `dataset.toml`, as of any axis; its records have a goal i
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,21 +30,25 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from . import columns as named
-from . import dataset, formats
+from . import formats
 from .columns import expect_known, subtable
 from .errors import DataError, listing
+from .record import USES
 
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s^2
 CONTROLLERS = ("position",)
-_KEYS = ("file", "use", "gain", "mass", "length", "columns", "units", "scale")
+_KEYS = ("file", "use", "episode", "gain", "mass", "length", "columns", "units", "scale")
 _BAM = {"time": "timestamp", "position": "position", "goal": "goal_position", "powered": "torque_enable"}
 _BAM_HEADER = {"mass": "mass", "length": "length", "gain": "kp"}
 _HEADER_UNITS = {"mass": "kg", "length": "m", "gain": "1"}
 _WINDOW = 5  # samples, whose median a reading is compared with
 _GLITCH = 0.15  # rad from that median: no servo gets there and back within four samples
 _FIRST = 6  # samples that tell how fast a run begins
+_FEWEST = 2 * _FIRST  # samples of a run
+_SAME_GOAL = 0.02  # of its standard deviation, within which two goals are the same
+_FIT_SHARE = 0.6  # of a single run, in time
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,9 @@ class ServoRun:
         inertia: of the payload about the shaft [kg m^2].
         weight: torque of the payload when it stands out level [N m].
         notes: what was done to the data, one sentence each.
+        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).
+        judged: (first, end) samples that are looked at, of a run that is cut in two; the motion is always simulated
+            from the first. None: all.
     """
 
     name: str
@@ -71,76 +79,111 @@ class ServoRun:
     inertia: float
     weight: float
     notes: tuple[str, ...] = ()
+    use: str = "fit"
+    judged: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.use not in USES:
+            raise DataError(f"{self.name}: use must be one of {listing(USES)}; {self.use!r} given")
 
     @cached_property
     def velocity(self) -> float:
         """At the first sample [rad/s]."""
         return float(np.polyfit(self.time[:_FIRST], self.position[:_FIRST], 1)[0])
 
+    @property
+    def sample_time(self) -> float:
+        """Usual time from one sample to the next [s]."""
+        return float(np.median(np.diff(self.time)))
 
-@dataclass(frozen=True)
-class ServoSet:
-    """The logs of one servo; a frozen value.
+    @property
+    def condition(self) -> tuple[float, float, float]:
+        """Payload and gain: what is particular to them is shared by all runs that have the same."""
+        return self.inertia, self.weight, self.gain
 
-    Attributes:
-        path: folder it was read from.
-        fit: runs that identify parameters and choose between models.
-        validate: runs that are scored once, after every choice.
-        notes: what was done to the data, one sentence each.
-    """
-
-    path: Path
-    fit: tuple[ServoRun, ...]
-    validate: tuple[ServoRun, ...] = ()
-    notes: tuple[str, ...] = ()
+    def repeats(self, other: ServoRun) -> bool:
+        """Whether another run was asked for the same motion under the same conditions."""
+        if self.condition != other.condition or abs(self.time[-1] - other.time[-1]) > 0.02 * self.time[-1]:
+            return False
+        same = np.interp(self.time, other.time, other.goal), np.interp(self.time, other.time, other.powered)
+        size = float(np.std(self.goal)) or 1.0
+        close = float(np.sqrt(np.mean((self.goal - same[0]) ** 2))) < _SAME_GOAL * size
+        return close and float(np.mean(np.abs(self.powered - same[1]))) < _SAME_GOAL
 
 
-def load(path: str | Path) -> ServoSet:
-    """Reads a measurement set of a servo. Where no record says what it is for, every third validates.
+def repetitions(runs: Sequence[ServoRun]) -> list[list[int]]:
+    """Numbers of the runs that repeat each other, a list for each motion that was asked for."""
+    out: list[list[int]] = []
+    for i, run in enumerate(runs):
+        group = next((g for g in out if runs[g[0]].repeats(run)), None)
+        if group is None:
+            out.append([i])
+        else:
+            group.append(i)
+    return out
+
+
+def read_all(entries: Sequence[Mapping[str, Any]], folder: Path) -> tuple[tuple[ServoRun, ...], str]:
+    """The runs of a measurement set, each with its use, and the sentence that tells who decided it.
+
+    Where no record says what it is for, every third motion validates, together with its repetitions: one that was
+    fitted does not validate itself. A single run is cut at 60 % of its time.
 
     Args:
-        path: the folder with `dataset.toml`, or that file.
+        entries: tables of `dataset.toml`.
+        folder: of the files that they name.
 
     Raises:
-        DataError: anything that cannot be read or understood; one line that names file and key.
+        DataError: a record that cannot be read or understood, or none that is fitted.
     """
-    file = dataset.find(path)
-    table = dataset.read_toml(file)
+    runs = [_from_entry(f"record {i}", e, folder) for i, e in enumerate(entries, 1)]
+    if not runs:
+        raise DataError("no [[record]]; a measurement set needs at least one")
+    if any(e.get("use") for e in entries):
+        said = "as given"
+    elif len(runs) == 1:
+        whole, cut = runs[0], round(_FIT_SHARE * len(runs[0].time))
+        first = replace(whole, name=f"{whole.name} (first 60 %)", judged=(0, cut))
+        rest = replace(whole, name=f"{whole.name} (last 40 %)", judged=(cut, len(whole.time)), use="validate")
+        runs, said = [first, rest], "no use was given: the first 60 % of the only record fit, the rest validate"
+    else:
+        motions = repetitions(runs)
+        every = 3 if len(motions) > 2 else 2
+        chosen = {i for k, group in enumerate(motions) if k % every == every - 1 for i in group}
+        runs = [replace(r, use="validate" if i in chosen else "fit") for i, r in enumerate(runs)]
+        said = f"no use was given: every {'third' if every == 3 else 'second'} motion validates with its repetitions"
+    if not any(r.use == "fit" for r in runs):
+        raise DataError('no record has use = "fit"; nothing could be identified')
+    counts = [f"{n} to {use}" for use in USES if (n := sum(r.use == use for r in runs))]
+    return tuple(runs), f"records: {', '.join(counts)} ({said})"
+
+
+def _from_entry(key: str, entry: Mapping[str, Any], folder: Path) -> ServoRun:
+    expect_known(entry, _KEYS, f"{key}: ")
+    name = entry.get("file")
+    if not isinstance(name, str) or not name:
+        raise DataError(f"{key}: file must be the name of a file; {name!r} given")
+    use = entry.get("use", "fit")
+    if use not in USES:
+        raise DataError(f"{key} ({name}): use must be one of {listing(USES)}; {use!r} given")
     try:
-        expect_known(table, ("axis", "record"), "")
-        axis = subtable(table, "axis")
-        expect_known(axis, ("controller",), "axis.")
-        if axis.get("controller") not in CONTROLLERS:
-            raise DataError(f"axis.controller must be {listing(CONTROLLERS)}; {axis.get('controller')!r} given")
-        entries = dataset.tables(table, "record")
-        runs, uses = [], [e.get("use") for e in entries]
-        for i, (entry, use) in enumerate(zip(entries, uses, strict=True), 1):
-            expect_known(entry, _KEYS, f"record {i}: ")
-            name = entry.get("file")
-            if not isinstance(name, str) or not name:
-                raise DataError(f"record {i}: file must be the name of a file; {name!r} given")
-            if use not in (None, "fit", "validate"):
-                raise DataError(f'record {i} ({name}): use must be "fit" or "validate"; {use!r} given')
-            try:
-                layout: dict[str, Any] = {k: subtable(entry, k) for k in ("columns", "units", "scale")}
-                header = {k: entry[k] for k in _BAM_HEADER if k in entry}
-                runs.append(read_run(file.parent / name, **layout, **header))
-            except DataError as error:
-                raise DataError(f"record {i}: {error}") from None
-        if not any(uses):
-            uses = ["validate" if i % 3 == 2 else "fit" for i in range(len(runs))]
-        fitted = tuple(r for r, use in zip(runs, uses, strict=True) if use != "validate")
-        if not fitted:
-            raise DataError('no record has use = "fit"; nothing could be identified')
+        layout: dict[str, Any] = {k: subtable(entry, k) for k in ("columns", "units", "scale")}
+        header = {k: entry[k] for k in _BAM_HEADER if k in entry}
+        return replace(read_run(folder / name, **layout, episode=entry.get("episode"), **header), use=use)
     except DataError as error:
-        raise DataError(f"{file}: {error}") from None
-    judged = tuple(r for r, use in zip(runs, uses, strict=True) if use == "validate")
-    return ServoSet(file.parent, fitted, judged, tuple(f"{r.name}: {note}" for r in runs for note in r.notes))
+        raise DataError(f"{key}: {error}") from None
+
+
+def to_table(run: ServoRun) -> tuple[dict[str, Array], dict[str, float]]:
+    """The columns of a run, and its gain, mass and length, as `read_run` takes them."""
+    length = run.inertia * GRAVITY / run.weight
+    columns = {"time": run.time, "goal": run.goal, "position": run.position, "powered": run.powered}
+    return columns, {"gain": run.gain, "mass": run.weight / (GRAVITY * length), "length": length}
 
 
 def read_run(
     path: str | Path, *, columns: Mapping[str, Any] | None = None, units: Mapping[str, Any] | None = None,
-    scale: Mapping[str, Any] | None = None, **header: float,
+    scale: Mapping[str, Any] | None = None, episode: int | None = None, **header: float,
 ) -> ServoRun:  # fmt: skip
     """Reads one log: time, goal and position, and whether the bridge is on; a pendulum hangs on the shaft.
 
@@ -152,6 +195,7 @@ def read_run(
         path: a table in any format of `formats`.
         columns: names of its columns by time, goal, position and powered, where they are not called so.
         units, scale: of columns that are not in SI, as in `dataset.toml`.
+        episode: which, where a file has several.
         **header: gain, mass [kg] and length [m], where the file does not say.
 
     Raises:
@@ -160,7 +204,9 @@ def read_run(
     path = Path(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file")
-    table = formats.read(path)
+    if episode is not None and (isinstance(episode, bool) or not isinstance(episode, int)):
+        raise DataError(f"{path}: episode must be a whole number; {episode!r} given")
+    table = formats.read(path).episode(episode)
     values = _header(path, header)
     try:
         found = _signals(table, columns or {})
@@ -173,8 +219,8 @@ def read_run(
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     time, position, goal, powered = (found[k] for k in _BAM)
-    if len(time) < 2 * _FIRST or not all(np.isfinite(x).all() for x in (time, position, goal, powered)):
-        raise DataError(f"{path}: expected at least {2 * _FIRST} samples, all finite; {len(time)} given")
+    if len(time) < _FEWEST or not all(np.isfinite(x).all() for x in (time, position, goal, powered)):
+        raise DataError(f"{path}: expected at least {_FEWEST} samples, all finite; {len(time)} given")
     if np.any(np.diff(time) <= 0):
         raise DataError(f"{path}: time does not run forward at sample {int(np.argmax(np.diff(time) <= 0)) + 1}")
     usual = signal.medfilt(position, _WINDOW)
@@ -182,8 +228,9 @@ def read_run(
     wrong = np.abs(position - usual) > _GLITCH
     notes = (f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken",)
     mass, length, gain = (values[k] for k in _BAM_HEADER)
+    name = path.name if episode is None else f"{path.name} episode {episode}"
     return ServoRun(
-        path.name, time - time[0], goal, (powered > 0.5).astype(float), np.where(wrong, usual, position), gain,
+        name, time - time[0], goal, (powered > 0.5).astype(float), np.where(wrong, usual, position), gain,
         mass * length**2, GRAVITY * mass * length, notes if wrong.any() else (),
     )  # fmt: skip
 

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import overload
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, ModelError, listing
 from .plant import Plant
 from .record import Record
+from .servo_observation import expect_servo, simulate_run
+from .servo_run import ServoRun
 
 Array = NDArray[np.float64]
 
 
+@overload
+def simulate(
+    plant: Plant,
+    torque: ServoRun,
+    *,
+    resolution: float | None = None,
+    position_noise: float = 0.0,
+    seed: int | None = None,
+) -> ServoRun: ...
+
+
+@overload
 def simulate(
     plant: Plant,
     torque: Array,
@@ -28,12 +45,33 @@ def simulate(
     temperature: Array | None = None,
     name: str = "simulated",
     use: str = "fit",
-) -> Record:
-    """Runs the axis under a torque command and returns what a bench would log.
+) -> Record: ...
+
+
+def simulate(
+    plant: Plant,
+    torque: Array | ServoRun,
+    sample_time: float | None = None,
+    *,
+    position: float = 0.0,
+    velocity: float = 0.0,
+    substeps: int = 8,
+    resolution: float | None = None,
+    torque_noise: float = 0.0,
+    position_noise: float = 0.0,
+    seed: int | None = None,
+    load: Array | None = None,
+    temperature: Array | None = None,
+    name: str = "simulated",
+    use: str = "fit",
+) -> Record | ServoRun:
+    """Runs the axis under a torque command, or a servo towards its goal, and returns what a bench would log.
 
     Args:
         plant: every parameter set.
-        torque: (n,) command, held from each sample to the next [N m].
+        torque: (n,) command, held from each sample to the next [N m]; or for a servo that closes its own position loop
+            a run, whose goal, power, payload and first position count: it comes back with the position simulated. Of
+            the others, only resolution, position noise and seed are for a run.
         sample_time: [s].
         position, velocity: at the first sample [rad], [rad/s].
         substeps: time steps per sample.
@@ -44,10 +82,18 @@ def simulate(
         name, use: of the record.
 
     Raises:
-        ModelError: a parameter has no value, or a load is heavier than the axis that it is a part of.
-        DataError: the motion runs away.
+        ModelError: a parameter has no value, a load is heavier than the axis that it is a part of, or the plant takes a
+            goal and a torque is given, or the other way round.
+        DataError: the motion runs away, or there is no sample time.
     """
-    plant.complete().torque_driven()
+    plant.complete()
+    if isinstance(torque, ServoRun):
+        rng = np.random.default_rng(seed)
+        reached = simulate_run(expect_servo(plant), torque)
+        return replace(torque, position=_read(reached, position_noise, resolution, rng))
+    plant.torque_driven()
+    if sample_time is None:
+        raise DataError("a torque needs its sample_time [s]")
     if plant.driven_inertia <= 0:
         loads = listing(e.name for e in plant.effects if e.hidden_inertia)
         raise ModelError(f"{loads} must have less inertia than the axis, {plant.inertia:g}, of which it is a part")
@@ -69,9 +115,13 @@ def simulate(
     seen = reached - sample_time / substeps / 2 * (speed - velocity)
     for effect in plant.effects:
         seen = effect.read(time, seen)
-    read = seen + position_noise * rng.standard_normal(len(time))
-    if resolution:
-        read = np.round(read / resolution) * resolution
+    read = _read(seen, position_noise, resolution, rng)
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
     return Record(name, time, signals, use, resolution)
+
+
+def _read(position: Array, noise: float, resolution: float | None, rng: np.random.Generator) -> Array:
+    """(n,) what a noisy encoder makes of a position."""
+    read = position + noise * rng.standard_normal(len(position))
+    return np.round(read / resolution) * resolution if resolution else read

@@ -18,6 +18,8 @@ from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .plant import Plant
 from .scales import Scales
+from .servo_observation import ServoObservation
+from .servo_starts import servo_starts
 from .threads import each
 
 Array = NDArray[np.float64]
@@ -39,6 +41,9 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
     Raises:
         ModelError: a parameter has no value, is not identified by a fit, and cannot be guessed.
     """
+    servos = [o for o in observations if isinstance(o, ServoObservation)]
+    if servos:
+        return servo_starts(plant, servos)
     scales = Scales.of(observations)
     law = next((e for e in plant.effects if e.name in _LAWS and e.unset), None)
     rest = [_typical(e, scales) for e in plant.effects if e is not law]

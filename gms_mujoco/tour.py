@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from . import drawing, effects, files
 from .compare_frf import decibel, degrees, turned
-from .drawing import BOX, draw, labels, part, rgb, series
+from .drawing import BOX, draw, labels, part, rgb, say, series, text
 from .figure import COLOURS, Band, Curve, worst_stretch
 from .motion import break_away_distance, virgin_curve
-from .page import friction, parameter_rows, percent, telling, worst_first
-from .report import VERDICTS, step_names
+from .page import RESIDUAL, friction, parameter_rows, percent, telling, worst_first
+from .report import VERDICTS, score_of, step_names
+from .tour_servo import servo_baseline, servo_run
 
 if TYPE_CHECKING:
     from .compare import Comparison, RecordComparison
@@ -38,7 +39,8 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
     Entities: `verdict`, `baseline`, `fails`, `candidates`, `added/EFFECT` (texts); `errors` (bars);
     `fails/views/NAME`, `added/EFFECT/views/NAME`, `final/views/NAME` (residual views with their noise band),
     `reversal` and `virgin` (hysteresis); for each validate record `records/NAME/torque/...`, `residual/...` (over
-    time), `loop` (drawn); for each frequency response `responses/NAME/magnitude`, `phase` and their errors. Drawn
+    time), `loop` (drawn), and for each run of a servo `records/NAME/position/...`, `residual/...`, `followed` (drawn);
+    for each frequency response `responses/NAME/magnitude`, `phase` and their errors. Drawn
     numbers stand unscaled in `.../data/CURVE`.
 
     Raises:
@@ -51,15 +53,17 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
     with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
         stream.save(temporary)
         tabs = [_verdict(stream, models, facts, names)]
-        if models and models[0][1].records:
-            tabs += [_baseline(stream, models, diagnosis), _fails(stream, models)]
+        if models and models[0][1].timed:
+            begun = (servo_baseline if models[0][1].servos else _baseline)(stream, models, diagnosis)
+            tabs += [begun, _fails(stream, models)]
         if facts.get("candidates"):
             tabs.append(_candidates(stream, models, facts))
         tabs += [_added(stream, models, facts, k) for k in range(1, len(models))]
-        if models and models[0][1].records:
+        if models and models[0][1].timed:
+            one = servo_run if models[0][1].servos else _record
             order = worst_first(models[0][1])
             tabs += [_final(stream, models)] if len(models) > 1 else []
-            tabs.append(rrb.Tabs(*(_record(stream, models, i) for i in order), name="record by record"))
+            tabs.append(rrb.Tabs(*(one(stream, models, i) for i in order), name="record by record"))
         if models and models[0][1].frfs:
             found = (_response(stream, models, i) for i in range(len(models[0][1].frfs)))
             tabs.append(rrb.Tabs(*found, name="frequency responses"))
@@ -72,11 +76,12 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
 
 
 def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], names: list[str]) -> rrb.Container:
+    told = score_of(facts).told
     lines = [f"# {str(facts['verdict']).replace('_', ' ')}", "", VERDICTS.get(facts["verdict"], ""), ""]
     lines += ["| step | fit | validate |", "|---|---|---|"]
     for name, s in zip(names, facts["steps"], strict=True):
-        lines.append(f"| {name} | {percent(s.get('fit_error'))} | {percent(s.get('validate_error'))} |")
-    lines += [f"| noise floor | | {percent(facts.get('noise_floor'))} |", ""]
+        lines.append(f"| {name} | {told(s.get('fit_error'))} | {told(s.get('validate_error'))} |")
+    lines += [f"| noise floor | | {told(facts.get('noise_floor'))} |", ""]
     if models and models[0][1].where:
         lines.append(f"**Where the baseline fails:** {models[0][1].where.replace(chr(10), '; ')}.\n")
     lines += [f"{s['evidence']}\n" for s in facts["steps"] if s.get("evidence")]
@@ -85,23 +90,24 @@ def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], n
     if facts.get("next_experiment"):
         lines.append(f"**Measure next:** {facts['next_experiment']}\n")
     lines.append("The tabs above lead from the baseline to the error that has fallen.")
-    _say(stream, "verdict", lines)
+    say(stream, "verdict", lines)
     held_out = all(s.get("validate_error") is not None for s in facts["steps"])
     errors = [float(s["validate_error" if held_out else "fit_error"]) for s in facts["steps"]]
     rows = [(n, e, _colour(k, len(names))) for k, (n, e) in enumerate(zip(names, errors, strict=True))]
-    bars = _bars(stream, "errors", rows, facts.get("noise_floor"))
-    bars.name = f"torque error on {'validate' if held_out else 'fit'} records"
-    if not models or not models[0][1].records:
-        return rrb.Horizontal(_text("verdict", "verdict"), bars, name="verdict")
+    bars = _bars(stream, "errors", rows, facts.get("noise_floor"), told)
+    bars.name = f"{score_of(facts).name} on {'validate' if held_out else 'fit'} records"
+    if not models or not models[0][1].timed:
+        return rrb.Horizontal(text("verdict", "verdict"), bars, name="verdict")
     # What the whole is about in three pictures: the errors, where the baseline failed most, and that in time.
     best = _views(stream, "verdict/views", _ends(models), models[0][1], 1, columns=1)
     c = models[0][1]
-    worst = c.records[worst_first(c)[0]].name
+    worst = c.timed[worst_first(c)[0]].name
+    unit = _units(c)[0 if c.records else 1]
     residual = rrb.TimeSeriesView(
-        origin=f"records/{part(worst)}/residual", name=f"residual over time, {worst} [{_units(c)[0]}]"
+        origin=f"records/{part(worst)}/residual", name=f"residual over time, {worst} [{unit}]"
     )
     right = rrb.Vertical(bars, best, residual, row_shares=[3, 4, 3])
-    return rrb.Horizontal(_text("verdict", "verdict"), right, column_shares=[2, 3], name="verdict")
+    return rrb.Horizontal(text("verdict", "verdict"), right, column_shares=[2, 3], name="verdict")
 
 
 def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -> rrb.Container:
@@ -112,7 +118,7 @@ def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -
     lines += [f"| {g.name} | {percent(g.time_share)} | {percent(g.error)} | {percent(g.floor)} |" for g in c.regimes]
     lines += ["", "| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
     lines += [f"| {' | '.join(row)} |" for row in parameter_rows(diagnosis.baseline)]
-    _say(stream, "baseline", lines)
+    say(stream, "baseline", lines)
     span = max(float(np.ptp(r.position)) for r in c.records)
     if span > 0:
         far = min(4 * max(break_away_distance(m.plant, span) for _, m, _ in _ends(models)) or span, span)
@@ -129,7 +135,7 @@ def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -
     worst = c.records[worst_first(c)[0]]
     _loop(stream, "baseline/loop", [(name, c, colour)], worst.name)
     return rrb.Horizontal(
-        _text("baseline", "the baseline"),
+        text("baseline", "the baseline"),
         rrb.Vertical(
             drawing.view("baseline/loop", f"hysteresis where it fails most, {worst.name}"),
             drawing.view("reversal", "how friction turns round after a reversal"),
@@ -144,7 +150,7 @@ def _fails(stream: rr.RecordingStream, models: Shown) -> rrb.Container:
     c = models[0][1]
     lines = ["# Where the baseline fails", "", *c.where.splitlines(), ""]
     lines += [
-        "Each drawing is the mean of the residual, measured torque less the torque that the model needs, over one "
+        f"Each drawing is the mean of the residual, {RESIDUAL[c.score.of]}, over one "
         "quantity. Within the grey band it may be sensor noise. Share: of the squared residual that is a function of "
         "this quantity.",
         "",
@@ -154,9 +160,9 @@ def _fails(stream: rr.RecordingStream, models: Shown) -> rrb.Container:
     for m in c.views:
         if not m.record and m.style == "steps":
             lines.append(f"| {m.label} | {int(m.outside.sum())} of {len(m.mean)} | {100 * m.share:.0f} % |")
-    _say(stream, "fails", lines)
+    say(stream, "fails", lines)
     grid = _views(stream, "fails/views", models[:1], c)
-    return rrb.Horizontal(_text("fails", "where it fails"), grid, column_shares=[1, 3], name="where it fails")
+    return rrb.Horizontal(text("fails", "where it fails"), grid, column_shares=[1, 3], name="where it fails")
 
 
 def _candidates(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any]) -> rrb.Container:
@@ -166,14 +172,14 @@ def _candidates(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any]
     lines += ["| effect | validate error | p value | what it would look like |", "|---|---|---|---|"]
     for c in ranked:
         signature = effects.find(c["effect"]).signature if c["effect"] in effects.CATALOGUE else ""
-        error = percent(c.get("validate_error"))
+        error = score_of(facts).told(c.get("validate_error"))
         lines.append(f"| {c['effect']} | {error} | {_p(c.get('p_value'))} | {signature} |")
-    _say(stream, "candidates", lines)
-    text = _text("candidates", "effects that were tried")
-    if not models or not models[0][1].records:
-        return rrb.Horizontal(text, name="candidates")
+    say(stream, "candidates", lines)
+    tried = text("candidates", "effects that were tried")
+    if not models or not models[0][1].timed:
+        return rrb.Horizontal(tried, name="candidates")
     left = _views(stream, "candidates/views", models[-1:], models[-1][1], 3, columns=1)
-    return rrb.Horizontal(text, left, column_shares=[3, 2], name="candidates")
+    return rrb.Horizontal(tried, left, column_shares=[3, 2], name="candidates")
 
 
 def _added(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], k: int) -> rrb.Container:
@@ -181,29 +187,31 @@ def _added(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], k: 
     (before, first, _), (after, last, _) = models[k - 1], models[k]
     root = f"added/{part(step['effect'])}"
     lines = [f"# {after}", "", step.get("evidence") or "", ""]
-    errors = f"Torque error {percent(first.torque_error)} with {before}, {percent(last.torque_error)} with {after}."
-    lines += [errors, ""]
+    score = last.score
+    fallen = f"{score.told(first.error)} with {before}, {score.told(last.error)} with {after}"
+    lines += [f"{score.name.capitalize()} {fallen}.", ""]
     if step.get("confusable_with"):
         lines += [f"These records cannot tell it from {', '.join(step['confusable_with'])}.", ""]
     lines += ["| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
     lines += [f"| {' | '.join(r)} |" for r in parameter_rows(last.plant) if r[0].startswith(f"{step['effect']}.")]
     lines += ["", *(f"**{n}:** {c.where.replace(chr(10), '; ')}.\n" for n, c, _ in models[k - 1 : k + 1] if c.where)]
-    _say(stream, root, lines)
-    if not last.records:
-        return rrb.Horizontal(_text(root, after), name=after)
+    say(stream, root, lines)
+    if not last.timed:
+        return rrb.Horizontal(text(root, after), name=after)
     shown = [(before, first, _FIRST), (after, last, _LAST)]
     grid = _views(stream, f"{root}/views", shown, first)
-    return rrb.Horizontal(_text(root, after), grid, column_shares=[1, 3], name=after)
+    return rrb.Horizontal(text(root, after), grid, column_shares=[1, 3], name=after)
 
 
 def _final(stream: rr.RecordingStream, models: Shown) -> rrb.Container:
     """The errors and what the last model leaves over, at the scale of its noise."""
     grid = _views(stream, "final/views", models[-1:], models[-1][1])
-    bars = rrb.Spatial2DView(origin="errors", name="torque error", visual_bounds=_bar_bounds(len(models)))
-    left = rrb.Vertical(bars, _text("final", "what is left"), row_shares=[1, 1])
+    bars = rrb.Spatial2DView(origin="errors", name=models[-1][1].score.name, visual_bounds=_bar_bounds(len(models)))
+    left = rrb.Vertical(bars, text("final", "what is left"), row_shares=[1, 1])
     c = models[-1][1]
-    lines = ["# What is left", "", *c.where.splitlines(), "", "| regime of friction | error | noise |", "|---|---|---|"]
-    _say(stream, "final", lines + [f"| {g.name} | {percent(g.error)} | {percent(g.floor)} |" for g in c.regimes])
+    lines = ["# What is left", "", *c.where.splitlines(), "", "| regime | error | noise |", "|---|---|---|"]
+    told = c.score.told
+    say(stream, "final", lines + [f"| {g.name} | {told(g.error)} | {told(g.floor)} |" for g in c.regimes])
     return rrb.Horizontal(left, grid, column_shares=[1, 3], name="error falls")
 
 
@@ -283,7 +291,8 @@ def _loop(stream: rr.RecordingStream, entity: str, shown: Shown, record: str) ->
 
 
 def _bars(
-    stream: rr.RecordingStream, entity: str, rows: Sequence[tuple[str, float, str]], floor: float | None
+    stream: rr.RecordingStream, entity: str, rows: Sequence[tuple[str, float, str]], floor: float | None,
+    told: Callable[[float], str],
 ) -> rrb.Spatial2DView:
     """A bar per row and a line at the noise floor."""
     known = [v for _, v, _ in rows if np.isfinite(v)]
@@ -291,26 +300,18 @@ def _bars(
     for i, (name, value, colour) in enumerate(rows):
         bar = [[(0.0, _ROW * i), (max(value * scale, 0.0) if np.isfinite(value) else 0.0, _ROW * i)]]
         stream.log(f"{entity}/{i}", rr.LineStrips2D(bar, colors=[rgb(colour)], radii=0.03), static=True)
-        said = labels([(0.3 * BOX[0], _ROW * i + 0.04)], [f"{name}   {percent(value)}"])
+        said = labels([(0.3 * BOX[0], _ROW * i + 0.04)], [f"{name}   {told(value)}"])
         stream.log(f"{entity}/{i}/label", said, static=True)
     if floor:
         x, low = floor * scale, _ROW * len(rows) - 0.1
         line = rr.LineStrips2D([[(x, -0.1), (x, low)]], colors=[_GREY], radii=-0.9)
         stream.log(f"{entity}/floor", line, static=True)
-        stream.log(f"{entity}/floor/label", labels([(x, low)], [f"noise floor   {percent(floor)}"]), static=True)
+        stream.log(f"{entity}/floor/label", labels([(x, low)], [f"noise floor   {told(floor)}"]), static=True)
     return rrb.Spatial2DView(origin=entity, visual_bounds=_bar_bounds(len(rows)))
 
 
 def _bar_bounds(rows: int) -> rrb.VisualBounds2D:
     return rrb.VisualBounds2D(x_range=[-0.2, BOX[0] + 0.2], y_range=[-0.2, max(_ROW * rows + 0.2, 0.8)])
-
-
-def _say(stream: rr.RecordingStream, entity: str, lines: Sequence[str]) -> None:
-    stream.log(f"{entity}/text", rr.TextDocument("\n".join(lines), media_type="text/markdown"), static=True)
-
-
-def _text(entity: str, name: str) -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=f"{entity}/text", name=name)
 
 
 def _ends(models: Shown) -> Shown:

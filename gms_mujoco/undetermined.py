@@ -31,6 +31,12 @@ def undetermined(plant: Plant) -> dict[str, str]:
     may be the Coulomb level or twice it.
     """
     out: dict[str, str] = {}
+    drags = "position_loop" in plant and "viscous" in plant
+    if plant.uncertainty and drags and "viscous.coefficient" not in plant.uncertainty:  # see `untold`
+        out["viscous.coefficient"] = (
+            "runs in which the power goes off while the servo moves; until then it is part of "
+            "position_loop.electrical_drag"
+        )
     numbers = plant.numbers()
     for name, (low, high) in plant.uncertainty.items():
         value = numbers[name][0]

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import servos
 
 from gms_mujoco import effects
-from gms_mujoco.dataset import save
+from gms_mujoco.dataset import load, save
+from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
@@ -47,3 +49,17 @@ def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
         records.append(simulate(plant, command, 1e-3, name=use, use=use, **bench))
     save(folder, records, inertia=2.4e-5)
     return folder
+
+
+@pytest.fixture(scope="session")
+def servo_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A measurement set of a servo that closes its own position loop with a hidden delay; see `servos.bench`."""
+    folder = tmp_path_factory.mktemp("servo_set")
+    save(folder, servos.bench())
+    return folder
+
+
+@pytest.fixture(scope="session")
+def servo_diagnosis(servo_set: Path) -> Diagnosis:
+    """What is found in it."""
+    return diagnose(load(servo_set))

@@ -11,7 +11,7 @@ import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
-from gms_mujoco.fit import FitResult, baseline, fit, relative_error
+from gms_mujoco.fit import FitResult, baseline, fit
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
 from gms_mujoco.least_squares import solve
@@ -19,6 +19,7 @@ from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.score import relative_error
 from gms_mujoco.simulate import simulate
 
 DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)

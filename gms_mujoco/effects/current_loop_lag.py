@@ -28,7 +28,7 @@ class CurrentLoopLag(Effect):
         "torque over sample k is u[k] + (tau[k] - u[k]) (1 - e) T/h. Shorter than a sample it looks like `delay`.\n"
         "Source: closed current loop, e.g. Leonhard, Control of Electrical Drives (2001)."
     )
-    signature = "The torque error is large where the command changes fast, and decays within a few T of each step."
+    signature = "The error is large where the command changes fast, and decays within a few T of each step."
     experiment = "Steps of torque, and excitation up to high frequency: phase and gain of torque to acceleration fall."
     parameters = (Parameter("time", "s", 0.0, lower=0.0, upper=0.05, doc="T, time constant"),)
 

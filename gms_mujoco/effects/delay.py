@@ -25,10 +25,10 @@ class Delay(Effect):
     doc = (
         "Transport delay of the drive, tau(t) = u(t - T): computation, bus and current loop pass the command on late.\n"
         "For a command held over each sample the mean torque over sample k is (1 - f) u[k-m] + f u[k-m-1], where\n"
-        "T is m + f samples.\n"
+        "T is m + f samples. Of a servo that takes a goal, the goal and the power arrive late.\n"
         "Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems (1998), systems with delay."
     )
-    signature = "The torque error is large where the command changes fast, and looks like its derivative."
+    signature = "The error is large where the command changes fast, and looks like its derivative."
     experiment = "Excitation up to high frequency: the phase of torque to acceleration falls in proportion to it."
     parameters = (Parameter("time", "s", 0.0, lower=0.0, upper=1.0, doc="T, from command to torque"),)
 

@@ -20,7 +20,7 @@ class LeastDuty(Effect):
     doc = (
         "Duty u0 sign(g - q) that the firmware of a servo adds to that of its position loop: the start-up force of\n"
         "bus servos, meant to overcome dry friction at a small error.\n"
-        "It acts in `position_servo`, on a plant with `position_loop`; MuJoCo's actuators have nothing like it.\n"
+        "It acts on runs of a servo, beside `position_loop`; MuJoCo's actuators have nothing like it.\n"
         "Source: Feetech, memory table of the STS series, register 24 (minimum startup force)."
     )
     signature = "The servo stops nearer to its goal than its gain and its friction allow, most at low gain."
@@ -31,7 +31,6 @@ class LeastDuty(Effect):
         """Warns that it is left out."""
         if self.values["duty"]:
             warnings.warn(
-                f"least_duty is left out of joint {joint!r}: MuJoCo has no element for it; it is part of "
-                "position_servo.simulate",
+                f"least_duty is left out of joint {joint!r}: MuJoCo has no element for it",
                 stacklevel=4,
             )

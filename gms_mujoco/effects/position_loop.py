@@ -25,14 +25,14 @@ class PositionLoop(Effect):
         "tau = T u - D q' while the bridge is on, and nothing while it is off.\n"
         "T and D are the motor's: T = k V / R and D = k^2 / R with torque constant k, supply V and resistance R, all\n"
         "behind the gear. D is drag that only a powered motor has; what is left without power is `viscous`.\n"
-        "It acts in MuJoCo, as a `dcmotor` that takes the goal, and in `position_servo`.\n"
+        "It acts in MuJoCo, as a `dcmotor` that takes the goal, and on runs of a servo.\n"
         "Source: Krishnan, Electric Motor Drives (2001), chapter 2 (d.c. machine); MuJoCo's dcmotor."
     )
     signature = "The position lags the goal and creeps to it, or stops short of it under load."
     experiment = "Steps and sines of the goal with two payloads, at several loop gains, and releases of the torque."
     parameters = (
         Parameter("gain", "1", 32.0, lower=0.0, free=False, doc="K, loop gain as set in the servo"),
-        Parameter("duty_per_rad", "1/rad", 0.1649, lower=0.0, free=False, doc="c, duty per unit of gain and error"),
+        Parameter("duty_per_rad", "1/rad", lower=1e-9, doc="c, duty per unit of gain and error"),
         Parameter("stall_torque", "N m", lower=1e-9, doc="T, torque at full duty and standstill"),
         Parameter("electrical_drag", "N m s/rad", lower=1e-9, doc="D, of the back-EMF, while the bridge is on"),
         Parameter("goal_speed", "rad/s", lower=1e-9, doc="speed at which the inner goal follows, at most"),

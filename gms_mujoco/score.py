@@ -1,0 +1,72 @@
+"""What an error is of, and how it is told: the torque of an axis, or the position of a servo that takes a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Score:
+    """One kind of error.
+
+    Attributes:
+        of: "torque" or "position".
+        unit: of the error, "1" or "rad".
+        head: of a column of errors.
+        meaning: a sentence.
+    """
+
+    of: str
+    unit: str
+    head: str
+    meaning: str
+
+    @property
+    def name(self) -> str:
+        """As in "torque error"."""
+        return f"{self.of} error"
+
+    def pooled(self, residuals: Sequence[Array], measured: Sequence[Array]) -> float:
+        """The error of several records of equal weight.
+
+        Args:
+            residuals: (m,) of each, measured minus model.
+            measured: (m,) of each.
+        """
+        if self.unit != "1":
+            return float(np.mean([np.mean(np.abs(r)) for r in residuals])) if len(residuals) else float("nan")
+        return relative_error(residuals, measured)
+
+    def told(self, value: object) -> str:
+        """An error with its unit; "-" where there is none."""
+        if not isinstance(value, int | float):
+            return "-"
+        return f"{100 * value:.3g} %" if self.unit == "1" else f"{1e3 * value:.3g} mrad"
+
+    def column(self, value: float | None) -> str:
+        """The same in a column of a table of text, whose head has the unit."""
+        return "-" if value is None else f"{(100 if self.unit == '1' else 1e3) * value:.2f}"
+
+
+TORQUE = Score(
+    "torque", "1", "torque error in % of the torque",
+    "Torque that the model does not account for, as a share of the torque's rms",
+)  # fmt: skip
+POSITION = Score(
+    "position", "rad", "mean absolute error of the position [mrad]",
+    "Mean absolute difference of the measured position from the one simulated from the goal",
+)  # fmt: skip
+SCORES = {s.of: s for s in (TORQUE, POSITION)}
+
+
+def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:
+    """Rms of the residuals over rms of the torques, records of equal weight."""
+    above = np.mean([np.mean(r**2) for r in residuals])
+    below = np.mean([np.mean(t**2) for t in torques])
+    return float(np.sqrt(above / below)) if below > 0 else float("nan")

@@ -1,0 +1,148 @@
+"""Runs of a servo: logs that are read, sets of them that are split, and what repeats what."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servos import bench, run
+
+from gms_mujoco import formats
+from gms_mujoco.dataset import load, save
+from gms_mujoco.errors import DataError
+from gms_mujoco.servo_run import read_run, repetitions
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"mass": None}, r"mass must be a positive number \[kg\]"),
+        ({"kp": True}, r"gain \(kp in the file\) must be a positive number"),
+        ({"entries": []}, "no column"),
+        ({"back": True}, "time does not run forward at sample 5"),
+        ({"few": True}, "at least 12 samples"),
+    ],
+)
+def test_a_log_that_cannot_be_used_is_refused_with_the_reason(change, said, tmp_path) -> None:
+    with pytest.raises(DataError, match=said):
+        read_run(log(tmp_path, **change))
+
+
+def log(folder: Path, few: bool = False, back: bool = False, wild: bool = False, **change) -> Path:
+    entries = [
+        {"timestamp": 1 + 0.01 * k, "position": 0.01 * k, "goal_position": 0.5, "torque_enable": k < 20, "load": 0}
+        for k in range(8 if few else 30)
+    ]
+    if back:
+        entries[5]["timestamp"] = 1.0
+    if wild:
+        entries[12]["position"] = -3.0
+    (folder / "log.json").write_text(json.dumps({"mass": 0.5, "length": 0.1, "kp": 16, "entries": entries} | change))
+    return folder / "log.json"
+
+
+def test_a_glitch_of_the_sensor_is_replaced_and_said(tmp_path) -> None:
+    r = read_run(log(tmp_path, wild=True))
+    assert r.position[12] == pytest.approx(0.12, abs=0.02)
+    assert r.notes == ("1 readings of the position were glitches: the median of their neighbours is taken",)
+    assert (r.time[0], r.gain, r.weight, r.inertia) == (0, 16, pytest.approx(0.4905), pytest.approx(0.005))
+    assert r.powered.sum() == 20
+    with pytest.raises(DataError, match="no such file"):
+        read_run(tmp_path / "other.json")
+
+
+def test_a_set_of_servo_logs_is_read_through_dataset_toml(tmp_path) -> None:
+    log(tmp_path, wild=True)
+    t = 0.01 * np.arange(40)
+    formats.write(tmp_path / "sweep.csv", {"ms": 1e3 * t, "asked": np.degrees(t), "q": np.degrees(0.9 * t)})
+    (tmp_path / "dataset.toml").write_text("""
+        [axis]
+        controller = "position"
+        [[record]]
+        file = "log.json"
+        use = "validate"
+        [[record]]
+        file = "sweep.csv"
+        gain = 8
+        mass = 0.5
+        length = 0.2
+        columns = { time = "ms", goal = "asked", position = "q" }
+        units = { time = "ms", goal = "deg", position = "deg" }
+        """)
+    runs = load(tmp_path)
+    (swept,), (logged,) = runs.fit, runs.validate
+    assert logged.name == "log.json" and logged.gain == 16 and runs.notes == (f"log.json: {logged.notes[0]}",)
+    assert np.allclose(swept.time, t) and np.allclose(swept.goal, t) and np.allclose(swept.position, 0.9 * t)
+    assert swept.powered.all() and (swept.gain, swept.inertia) == (8, pytest.approx(0.02))
+    assert runs.controller == "position" and runs.split == "records: 1 to fit, 1 to validate (as given)"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[axis]\ncontroller = "speed"\n', "axis.controller must be position; 'speed' given"),
+        ('[axis]\ncontroller = "position"\ninertia = 1.0\n', "unknown key axis.inertia; expected controller"),
+        ('[axis]\ncontroller = "position"\n', "at least one"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nuse = "select"\n', "could be identified"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nuse = "test"\n', "use must be one of"),
+        ('[axis]\ncontroller = "position"\n[[frf]]\nfile = "a.uff"\n', r"\[\[frf\]\] has no place"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nmass = -1\n', "record 1: .*mass must be"),
+        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\ncolumns = { goal = "g" }\n',
+         "no column 'g' for goal"),
+    ],
+)  # fmt: skip
+def test_a_servo_set_that_cannot_be_understood_is_refused_with_file_and_key(text, said, tmp_path) -> None:
+    log(tmp_path)
+    (tmp_path / "dataset.toml").write_text(text)
+    with pytest.raises(DataError, match=said) as refused:
+        load(tmp_path)
+    assert "dataset.toml" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_set_comes_back_as_it_was_saved(tmp_path) -> None:
+    made = bench(delay=0.0)[:3]
+    save(tmp_path, made)
+    back = load(tmp_path).servos
+    for one, other in zip(made, back, strict=True):
+        assert one.name == other.name and one.use == other.use and one.gain == other.gain
+        assert (one.inertia, one.weight) == pytest.approx((other.inertia, other.weight))
+        for key in ("time", "goal", "powered", "position"):
+            assert np.allclose(getattr(one, key), getattr(other, key))
+    with pytest.raises(DataError, match="two records are called"):
+        save(tmp_path, [made[0], made[0]])
+
+
+def test_a_repetition_has_the_same_goal_payload_and_gain() -> None:
+    t = 0.01 * np.arange(100)
+    one = run(np.sin(9 * t))
+    others = [run(np.sin(9 * t) + 1e-4), run(np.sin(8 * t)), run(np.sin(9 * t), gain=8.0), run(np.sin(9 * t), load=2.0)]
+    assert repetitions([one, *others]) == [[0, 1], [2], [3], [4]]
+    off = replace(one, powered=np.where(t > 0.5, 0.0, 1.0))
+    assert repetitions([one, off]) == [[0], [1]]
+
+
+def test_where_nobody_says_it_whole_motions_validate(tmp_path) -> None:
+    made = bench(delay=0.0)
+    save(tmp_path, made)
+    text = (tmp_path / "dataset.toml").read_text()
+    without = "\n".join(line for line in text.splitlines() if not line.startswith("use"))
+    (tmp_path / "dataset.toml").write_text(without)
+    runs = load(tmp_path)
+    assert [r.name for r in runs.validate] == ["run 2a.csv", "run 2b.csv", "run 5a.csv", "run 5b.csv"]
+    assert "every third motion validates with its repetitions" in runs.split
+
+
+def test_a_single_run_is_cut(tmp_path) -> None:
+    save(tmp_path, [replace(bench(delay=0.0)[0], name="only.csv")])
+    file = tmp_path / "dataset.toml"
+    file.write_text(file.read_text().replace('use = "fit"\n', ""))
+    runs = load(tmp_path)
+    (first,), (rest,) = runs.fit, runs.validate
+    assert (first.judged, rest.judged) == ((0, 60), (60, 100))
+    assert "first 60 %" in runs.split
+
+
+def test_a_use_that_nobody_knows_is_refused() -> None:
+    with pytest.raises(DataError, match="use must be one of fit, select"):
+        replace(run(np.zeros(20)), use="test")
