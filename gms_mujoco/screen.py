@@ -41,6 +41,7 @@ _TOGETHER = 6  # harmonics that may be added at once
 _STANDS_OUT = 0.2  # of what the others leave of the squared residual, which one more must take
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
 _BLOWN_UP = 10.0  # times its squared residual in the fit: a block that is left out and holds two thirds of an unknown
+_END = 0.99  # of the most that a strength may be
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -289,6 +290,16 @@ def is_present(effect: Effect) -> bool:
     """Whether an effect is more than a name: its first strength, which it is named for, has not vanished."""
     first = strengths(type(effect))[:1]
     return all(np.any(np.abs(np.asarray(effect.values[p.name])) > 1e-12) for p in first)
+
+
+def is_possible(effect: Effect) -> bool:
+    """Whether an effect is what it is called: not at the end of what its strengths may be, where something else would
+    want it stronger still; and a resonance that is damped so far that it is none only where its default is that."""
+    table = {p.name: p for p in effect.parameters}
+    bounded = [p for p in strengths(type(effect)) if p.upper < math.inf]
+    inside = all(np.all(np.asarray(effect.values[p.name]) < _END * p.upper) for p in bounded)
+    damping = table.get("damping")
+    return inside and (damping is None or damping.default >= 1 or float(np.ravel(effect.values["damping"])[0]) < 1)
 
 
 def absent(effect: Effect) -> Effect:

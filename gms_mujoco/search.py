@@ -30,6 +30,7 @@ from .screen import (
     applicable,
     cross_validated,
     determined,
+    is_possible,
     is_present,
     joined,
 )
@@ -476,7 +477,7 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     next to nothing.
     """
     effect = after.plant[name]
-    if not is_present(effect):
+    if not (is_present(effect) and is_possible(effect)):
         return False
     if absent(effect) == effect:  # absent only at the end of its range
         return True

@@ -21,6 +21,7 @@ from gms_mujoco.screen import (
     applicable,
     cross_validated,
     has_phase,
+    is_possible,
     is_present,
     joined,
     shapes,
@@ -230,3 +231,12 @@ def test_candidates_for_a_gap_are_close_and_knock_hard() -> None:
     # Two refinements close the steps of the grid to less than 1.3.
     steps = np.diff(np.log(sorted(gaps)))
     assert np.exp(steps.max()) / (1.41 * 1.19) ** 2 < 1.3
+
+
+def test_an_effect_at_the_end_of_its_range_or_a_resonance_without_one_is_not_what_it_is_called() -> None:
+    lag, coupling = effects.CurrentLoopLag, effects.FlexibleCoupling
+    assert is_possible(lag(time=0.01)) and not is_possible(lag(time=0.05))
+    assert is_possible(coupling(inertia=1e-5, frequency=30, damping=0.3))
+    assert not is_possible(coupling(inertia=1e-5, frequency=1, damping=5))
+    assert is_possible(effects.Backlash(inertia=1e-5, gap=0.01, frequency=100, damping=1))
+    assert is_possible(effects.Cogging(harmonics=[2, 3], amplitude=[1, 2], phase=[0, 0]))
