@@ -19,13 +19,14 @@ from .frf_observation import Seen
 from .friction_law import FrictionLaw, would_be_better
 from .held_out import p_value
 from .inverse import Observation
+from .judgement import AT_FLOOR
 from .observe import driven, observe
 from .plant import Plant
 from .recheck import drop_false, drop_late, exchange
 from .remainder import describe
 from .score import Score, relative_error
 from .screen import Screen
-from .search import AT_FLOOR, MOST_EFFECTS, MOST_ROUNDS, Search, Step
+from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
 
 

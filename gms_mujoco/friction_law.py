@@ -8,9 +8,10 @@ from . import effects
 from .effect import Effect
 from .fit import FitResult, fit_observations
 from .held_out import HeldOut, p_value
+from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of
 from .plant import Plant
 from .screen import cross_validated
-from .search import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, Search, Step, floor_of
+from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both.

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from . import effects
 from .fit import FitResult, refine
 from .held_out import HeldOut, p_value, scatter
+from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, Trial, carries, residual_of, simplest, without
 from .misfit import Misfit
 from .plant import Plant
 from .screen import Screen, cross_validated
-from .search import AT_FLOOR, FALSE_DISCOVERY_RATE, Search, Step, Trial, carries, residual_of, simplest, without
+from .search import Search, Step
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,52 +17,39 @@ from .fit import FitResult, Progress, acting_early, fewer, fit_observations, ref
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
 from .inverse import Observation
+from .judgement import (
+    AT_FLOOR,
+    FALSE_DISCOVERY_RATE,
+    LEAST_SHARE,
+    Trial,
+    carries,
+    discoveries,
+    finalists,
+    floor_of,
+    left_of,
+    simplest,
+    swings,
+    takes,
+    with_curve,
+    without,
+)
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
 from .reading import TorqueReading, rung
-from .screen import (
-    Candidate,
-    LinearModel,
-    Screen,
-    absent,
-    applicable,
-    cross_validated,
-    determined,
-    is_possible,
-    is_present,
-    joined,
-)
+from .screen import Candidate, Screen, applicable, cross_validated, joined
 from .servo_observation import ServoObservation
-from .speed_curve import curve
 
 Array = NDArray[np.float64]
 
 MOST_EFFECTS = 4  # added in a row
-FALSE_DISCOVERY_RATE = 0.01
-# An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
-LEAST_SHARE = 0.2
-LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
-AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
-_FINALISTS = 2  # of them, that do something different, fitted to the end
-_SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
-_CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
-_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
-
-
-class Trial(NamedTuple):
-    """A joint fit with one effect more, and what it leaves of each block by a fit without it."""
-
-    name: str
-    result: FitResult
-    held_out: HeldOut
 
 
 @dataclass(frozen=True)
@@ -149,10 +135,10 @@ class Search:
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *self._tried(current, c)))
         rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
-        rough.sort(key=lambda t: _left(t[1], t[2]))
+        rough.sort(key=lambda t: left_of(t[1], t[2]))
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
-        for i, (name, misfit, x) in enumerate(_finalists(current, best)):
+        for i, (name, misfit, x) in enumerate(finalists(current, best)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
             if i == 0 and result.error > AT_FLOOR * result.floor:
@@ -163,7 +149,7 @@ class Search:
         plants |= {name: r.plant for name, r, _ in trials}
         self.hint = ""
         if self._reads_a_ring(trials):
-            swinging = [name for name, plant in plants.items() if _swings(plant[name])]
+            swinging = [name for name, plant in plants.items() if swings(plant[name])]
             p_values |= dict.fromkeys(swinging, 1.0)
             promising = [c for c in promising if c.effect.name not in swinging]
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
@@ -178,7 +164,7 @@ class Search:
         swinging = [
             t.held_out.total
             for t in trials
-            if _swings(t.result.plant[t.name])
+            if swings(t.result.plant[t.name])
             and t.result.error > AT_FLOOR * t.result.floor
             and self.is_worth_it(t.result, t.held_out)
         ]
@@ -258,7 +244,7 @@ class Search:
         worth = [
             (both.total, k, alone, other)
             for k, (_, both, alone, other) in found.items()
-            if k in passed and _takes(alone.held_out.total, both.total, floor)
+            if k in passed and takes(alone.held_out.total, both.total, floor)
         ]
         if not worth:
             return False
@@ -287,7 +273,7 @@ class Search:
         floor = min(floor, floor_of(result))
         earned = (
             label in discoveries(p_values | {label: max(beside_p)})
-            and all(_takes(s.held_out.total, held_out.total, floor) for s in singles)
+            and all(takes(s.held_out.total, held_out.total, floor) for s in singles)
             and all(carries(n, s.result, result) for s, n in beside)
             and self.selects(result)
         )
@@ -337,7 +323,7 @@ class Search:
         more harmonic of an effect that is there already, no new cause, asks for no `share`.
         """
         floor = 0.0 if self.at_floor else min(floor_of(self.steps[-1].result), floor_of(result))
-        return _takes(self.held_out.total, held_out.total, floor, share)
+        return takes(self.held_out.total, held_out.total, floor, share)
 
     def _beyond_speed(self, base: FitResult, name: str, result: FitResult) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
@@ -347,14 +333,14 @@ class Search:
         effect = result.plant[name]
         if not (effect.modulates or effect.kind == "sensor") or not self.timed:
             return 0.0
-        return p_value(_with_curve(base), _with_curve(result))
+        return p_value(with_curve(base), with_curve(result))
 
     @property
     def bent(self) -> float:
         """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
         if not self.timed:
             return 0.0
-        left = _with_curve(self.steps[-1].result)
+        left = with_curve(self.steps[-1].result)
         earned = self.is_worth_it(self.steps[-1].result, left)
         earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
         return 1 - left.total / self.held_out.total if earned else 0.0
@@ -453,113 +439,5 @@ class Search:
         return after < before
 
 
-def _with_curve(result: FitResult) -> HeldOut:
-    """What a linear refit leaves whose friction is any function of speed, see `speed_curve`."""
-    misfit, x = result.misfit, result.vector
-    model = LinearModel(misfit, x, misfit.residual(x))
-    columns = curve(result.plant, misfit.observations) * model.determined[:, None]
-    return HeldOut(model.held_out(columns) / np.sqrt(misfit.delivered(x)), misfit.observations)
-
-
-def without(result: FitResult, name: str) -> tuple[Misfit, Array]:
-    """The problem of a fit without one effect, and where to start."""
-    plant = result.plant.without(name)
-    misfit = Misfit(plant, result.misfit.observations)
-    if misfit.n_memory == result.misfit.n_memory:
-        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
-    return misfit, misfit.vector(plant)
-
-
-def carries(name: str, before: FitResult, after: FitResult) -> bool:
-    """Whether an effect does what was gained with it: at a strength of zero, all else as it is, most is lost again.
-
-    The rest of a plant may have found a better place, or a form that acts on others, at the side of an effect that does
-    next to nothing.
-    """
-    effect = after.plant[name]
-    if not (is_present(effect) and is_possible(effect)):
-        return False
-    if absent(effect) == effect:  # absent only at the end of its range
-        return True
-    idle = after.plant.replace(absent(effect))
-    misfit = Misfit(idle, after.misfit.observations)
-    memories = after.misfit.memories(after.vector, misfit.n_memory)
-    left = _left(misfit, misfit.vector(idle, memories, after.misfit.skew(after.vector)))
-    gained = _left(before.misfit, before.vector) - _left(after.misfit, after.vector)
-    return left - _left(after.misfit, after.vector) > _CARRIED * gained
-
-
-def _finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
-    """The best of the rough fits, best first; one more where the first two do the same to the residual; and the best
-    of those that do the same as the first with fewer parameters."""
-    before = current.misfit.residual(current.vector)
-    after = [misfit.residual(x) for _, misfit, x in rough]
-    if any(len(r) != len(before) for r in after):
-        return list(rough[:_FINALISTS])  # of responses, fewer points: what they do cannot be set side by side
-    changes = [before - r for r in after]
-    sizes = [float(np.sqrt(c @ c)) for c in changes]
-    alike = [float(changes[0] @ c) > _SAME * sizes[0] * size for c, size in zip(changes, sizes, strict=True)]
-    most = _FINALISTS + (len(rough) > _FINALISTS - 1 and all(alike[:_FINALISTS]))
-    simpler = (t for t, same in zip(rough[most:], alike[most:], strict=True) if same and t[1].size < rough[0][1].size)
-    return [*rough[:most], *itertools.islice(simpler, 1)]
-
-
-def _swings(effect: Effect) -> bool:
-    """Whether an effect is a part of the mechanism that swings at a frequency of its own."""
-    return effect.kind == "mechanics" and any(p.unit == "Hz" for p in effect.parameters)
-
-
-def _takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:
-    """Whether a good part of the squared error that is not noise is gone."""
-    return bool(before - after > max(share * (before - floor), LEAST_GAIN * before))
-
-
 def _error(result: FitResult) -> float:
     return result.error
-
-
-def residual_of(result: FitResult) -> HeldOut:
-    """What a fit leaves where the motion determines friction, for a drive that delivers everything."""
-    misfit = result.misfit
-    rows = misfit.residual(result.vector) * determined(misfit)
-    return HeldOut(rows / math.sqrt(misfit.delivered(result.vector)), misfit.observations)
-
-
-def _left(misfit: Misfit, vector: Array) -> float:
-    """Squared residual where the motion determines friction, for a drive that delivers everything [N^2 m^2]."""
-    return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2)) / misfit.delivered(vector)
-
-
-def floor_of(result: FitResult) -> float:
-    """The same that sensor noise alone would leave [N^2 m^2]."""
-    misfit = result.misfit
-    return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
-
-
-def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:
-    """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
-
-    As good is what is not told from the best, or leaves hardly more: long records tell apart what makes no difference.
-
-    Args:
-        held_out: what each leaves.
-        sizes: free parameters of each.
-    """
-    best = min(held_out, key=lambda h: h.total)
-    equal = [
-        i
-        for i, h in enumerate(held_out)
-        if p_value(h, best) > _CONFUSABLE or h.total - best.total < LEAST_GAIN * best.total
-    ]
-    chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
-    return chosen, [i for i in equal if i != chosen]
-
-
-def discoveries(p_values: dict[str, float]) -> set[str]:
-    """Names that pass with the false discovery rate controlled over all of them (Benjamini and Hochberg 1995)."""
-    ranked = sorted(p_values, key=p_values.__getitem__)
-    passed = 0
-    for i, name in enumerate(ranked, 1):
-        if p_values[name] <= FALSE_DISCOVERY_RATE * i / len(ranked):
-            passed = i
-    return set(ranked[:passed])

@@ -28,7 +28,7 @@ LAYERS = [
     {"dataset"},
     {"held_out"},
     {"screen", "elements", "remainder", "custom", "goals"},
-    {"reading"},
+    {"reading", "judgement"},
     {"search"},
     {"recheck", "friction_law"},
     {"diagnose"},

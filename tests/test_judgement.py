@@ -1,4 +1,4 @@
-"""What the search accepts."""
+"""What the search accepts, and what it looks at twice."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gms_mujoco.search import FALSE_DISCOVERY_RATE, _finalists, discoveries
+from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, discoveries, finalists
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
@@ -26,5 +26,5 @@ def test_two_finalists_that_do_the_same_make_room_for_a_third(second: tuple[floa
     current: Any = SimpleNamespace(misfit=left(2.0, 2.0), vector=None)
     rough = [("a", left(1.0, 2.0), np.empty(0)), ("b", left(*np.subtract(2.0, second)), np.empty(0)),
              ("c", left(2.0, 1.5), np.empty(0))]  # fmt: skip
-    assert [name for name, *_ in _finalists(current, rough)] == ["a", "b", "c"][:taken]
-    assert _finalists(current, rough[:1]) == rough[:1]
+    assert [name for name, *_ in finalists(current, rough)] == ["a", "b", "c"][:taken]
+    assert finalists(current, rough[:1]) == rough[:1]

@@ -1,0 +1,146 @@
+"""What a joint fit with one effect more is judged by."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .effect import Effect
+from .fit import FitResult
+from .held_out import HeldOut, p_value
+from .misfit import Misfit
+from .screen import LinearModel, absent, determined, is_possible, is_present
+from .speed_curve import curve
+
+Array = NDArray[np.float64]
+
+FALSE_DISCOVERY_RATE = 0.01
+# An effect must take so much of the squared error on held-out blocks that is not noise: less is not what is missing.
+LEAST_SHARE = 0.2
+LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
+AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
+_FINALISTS = 2  # of them, that do something different, fitted to the end
+_SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
+_CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
+_CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
+
+
+class Trial(NamedTuple):
+    """A joint fit with one effect more, and what it leaves of each block by a fit without it."""
+
+    name: str
+    result: FitResult
+    held_out: HeldOut
+
+
+def with_curve(result: FitResult) -> HeldOut:
+    """What a linear refit leaves whose friction is any function of speed, see `speed_curve`."""
+    misfit, x = result.misfit, result.vector
+    model = LinearModel(misfit, x, misfit.residual(x))
+    columns = curve(result.plant, misfit.observations) * model.determined[:, None]
+    return HeldOut(model.held_out(columns) / np.sqrt(misfit.delivered(x)), misfit.observations)
+
+
+def without(result: FitResult, name: str) -> tuple[Misfit, Array]:
+    """The problem of a fit without one effect, and where to start."""
+    plant = result.plant.without(name)
+    misfit = Misfit(plant, result.misfit.observations)
+    if misfit.n_memory == result.misfit.n_memory:
+        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
+    return misfit, misfit.vector(plant)
+
+
+def carries(name: str, before: FitResult, after: FitResult) -> bool:
+    """Whether an effect does what was gained with it: at a strength of zero, all else as it is, most is lost again.
+
+    The rest of a plant may have found a better place, or a form that acts on others, at the side of an effect that does
+    next to nothing.
+    """
+    effect = after.plant[name]
+    if not (is_present(effect) and is_possible(effect)):
+        return False
+    if absent(effect) == effect:  # absent only at the end of its range
+        return True
+    idle = after.plant.replace(absent(effect))
+    misfit = Misfit(idle, after.misfit.observations)
+    memories = after.misfit.memories(after.vector, misfit.n_memory)
+    left = left_of(misfit, misfit.vector(idle, memories, after.misfit.skew(after.vector)))
+    gained = left_of(before.misfit, before.vector) - left_of(after.misfit, after.vector)
+    return left - left_of(after.misfit, after.vector) > _CARRIED * gained
+
+
+def finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
+    """The best of the rough fits, best first; one more where the first two do the same to the residual; and the best
+    of those that do the same as the first with fewer parameters."""
+    before = current.misfit.residual(current.vector)
+    after = [misfit.residual(x) for _, misfit, x in rough]
+    if any(len(r) != len(before) for r in after):
+        return list(rough[:_FINALISTS])  # of responses, fewer points: what they do cannot be set side by side
+    changes = [before - r for r in after]
+    sizes = [float(np.sqrt(c @ c)) for c in changes]
+    alike = [float(changes[0] @ c) > _SAME * sizes[0] * size for c, size in zip(changes, sizes, strict=True)]
+    most = _FINALISTS + (len(rough) > _FINALISTS - 1 and all(alike[:_FINALISTS]))
+    simpler = (t for t, same in zip(rough[most:], alike[most:], strict=True) if same and t[1].size < rough[0][1].size)
+    return [*rough[:most], *itertools.islice(simpler, 1)]
+
+
+def swings(effect: Effect) -> bool:
+    """Whether an effect is a part of the mechanism that swings at a frequency of its own."""
+    return effect.kind == "mechanics" and any(p.unit == "Hz" for p in effect.parameters)
+
+
+def takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:
+    """Whether a good part of the squared error that is not noise is gone."""
+    return bool(before - after > max(share * (before - floor), LEAST_GAIN * before))
+
+
+def residual_of(result: FitResult) -> HeldOut:
+    """What a fit leaves where the motion determines friction, for a drive that delivers everything."""
+    misfit = result.misfit
+    rows = misfit.residual(result.vector) * determined(misfit)
+    return HeldOut(rows / math.sqrt(misfit.delivered(result.vector)), misfit.observations)
+
+
+def left_of(misfit: Misfit, vector: Array) -> float:
+    """Squared residual where the motion determines friction, for a drive that delivers everything [N^2 m^2]."""
+    return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2)) / misfit.delivered(vector)
+
+
+def floor_of(result: FitResult) -> float:
+    """The same that sensor noise alone would leave [N^2 m^2]."""
+    misfit = result.misfit
+    return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
+
+
+def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:
+    """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
+
+    As good is what is not told from the best, or leaves hardly more: long records tell apart what makes no difference.
+
+    Args:
+        held_out: what each leaves.
+        sizes: free parameters of each.
+    """
+    best = min(held_out, key=lambda h: h.total)
+    equal = [
+        i
+        for i, h in enumerate(held_out)
+        if p_value(h, best) > _CONFUSABLE or h.total - best.total < LEAST_GAIN * best.total
+    ]
+    chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
+    return chosen, [i for i in equal if i != chosen]
+
+
+def discoveries(p_values: dict[str, float]) -> set[str]:
+    """Names that pass with the false discovery rate controlled over all of them (Benjamini and Hochberg 1995)."""
+    ranked = sorted(p_values, key=p_values.__getitem__)
+    passed = 0
+    for i, name in enumerate(ranked, 1):
+        if p_values[name] <= FALSE_DISCOVERY_RATE * i / len(ranked):
+            passed = i
+    return set(ranked[:passed])
