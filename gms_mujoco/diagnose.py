@@ -46,7 +46,8 @@ class Diagnosis:
     Attributes:
         verdict: "adequate" (the baseline is at the noise floor), "explained" (the effects added bring it there),
             "partly_explained" (they help, something remains) or "unexplained" (nothing known earns its place).
-        noise_floor: the torque error that a perfect model would have; of a servo the position error [rad].
+        noise_floor: the error that a perfect model would have, of the torque, of a servo of its position [rad]; on the
+            validate records where there are some.
         steps: the baseline, then one for each effect added.
         candidates: what was tried on the final plant and left out.
         remainder: what is left looks like this; empty where nothing is.
@@ -78,6 +79,11 @@ class Diagnosis:
         return self.steps[0].result.score
 
     @property
+    def fit_noise_floor(self) -> float:
+        """The error that a perfect model would have on the records that were fitted."""
+        return self.steps[-1].result.floor
+
+    @property
     def comparisons(self) -> list[Comparison]:
         """Each step on the validate records."""
         return [s.comparison for s in self.steps if s.comparison is not None]
@@ -98,6 +104,7 @@ class Diagnosis:
             "error_of": self.score.of,
             "error_unit": self.score.unit,
             "noise_floor": self.noise_floor,
+            "fit_noise_floor": self.fit_noise_floor,
             "bandwidth_hz": max(o.bandwidth for o in self.steps[0].result.misfit.observations),
             "steps": [_step_dict(s, self.plant) for s in self.steps],
             "candidates": [
@@ -105,6 +112,7 @@ class Diagnosis:
                 for c in self.candidates
             ],
             "remainder": self.remainder or None,
+            "notes": list(self.notes),
             "next_experiment": self.next_experiment,
         }
 
@@ -115,7 +123,9 @@ class Diagnosis:
             name = "baseline" if s.effect is None else f"+ {s.effect}"
             fitted, validate = map(self.score.column, (s.result.error, s.validate_error))
             lines.append(f"{name:32}  {fitted:>8}  {validate:>8}")
-        lines.append(f"{'noise floor':32}  {'':8}  {self.score.column(self.noise_floor):>8}")
+        scored = self.noise_floor if self.comparisons else None
+        fitted, validate = map(self.score.column, (self.fit_noise_floor, scored))
+        lines.append(f"{'noise floor':32}  {fitted:>8}  {validate:>8}")
         for s in self.steps:
             lines += ["", s.evidence] if s.evidence else []
             if s.confusable_with:

@@ -128,6 +128,7 @@ def _verdict(facts: dict[str, Any]) -> str:
     said = [VERDICTS.get(verdict, "")]
     said += [f"Added: {', '.join(added)}."] if added else []
     said += [f"What remains: {facts['remainder']}."] if facts.get("remainder") else []
+    said += facts.get("notes") or []
     said += [f"Measure next: {facts['next_experiment']}"] if facts.get("next_experiment") else []
     lines = "".join(f"<p>{escape(line)}</p>" for line in said if line)
     return (
@@ -144,10 +145,12 @@ def _steps(facts: dict[str, Any]) -> str:
             evidence += f" Could be confused with {escape(', '.join(s['confusable_with']))}."
         rows.append([escape(name), score.told(s.get("fit_error")), score.told(s.get("validate_error"))])
         said += f"<p>{evidence[:1].upper()}{evidence[1:]}</p>" if evidence else ""
-    rows.append(["noise floor", "", score.told(facts.get("noise_floor"))])
+    scored = all(s.get("validate_error") is not None for s in facts["steps"])
     key, which = "validate_error", "on records that decided nothing"
-    if any(s.get(key) is None for s in facts["steps"]):
+    if not scored:
         key, which = "fit_error", "on the records it was fitted to: none was held out"
+    floors = facts.get("fit_noise_floor"), facts.get("noise_floor") if scored else None
+    rows.append(["noise floor", *map(score.told, floors)])
     picture = figure.bars(
         [(n, float(s[key])) for n, s in zip(names, facts["steps"], strict=True)], facts.get("noise_floor"), score.told
     )

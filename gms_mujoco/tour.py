@@ -81,7 +81,7 @@ def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], n
     lines += ["| step | fit | validate |", "|---|---|---|"]
     for name, s in zip(names, facts["steps"], strict=True):
         lines.append(f"| {name} | {told(s.get('fit_error'))} | {told(s.get('validate_error'))} |")
-    lines += [f"| noise floor | | {told(facts.get('noise_floor'))} |", ""]
+    lines += [f"| noise floor | {told(facts.get('fit_noise_floor'))} | {told(facts.get('noise_floor'))} |", ""]
     if models and models[0][1].where:
         lines.append(f"**Where the baseline fails:** {models[0][1].where.replace(chr(10), '; ')}.\n")
     lines += [f"{s['evidence']}\n" for s in facts["steps"] if s.get("evidence")]

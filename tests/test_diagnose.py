@@ -144,6 +144,8 @@ def test_the_dictionary_is_that_of_the_contract(found: dict[str, Diagnosis], nam
     table = found[name].to_dict()
     assert set(table) >= KEYS and table["schema"] == 1
     assert table["verdict"] in ("adequate", "explained", "partly_explained", "unexplained")
+    floors = next(line.split()[-2:] for line in str(found[name]).splitlines() if line.startswith("noise floor"))
+    assert floors == [f"{100 * table[key]:.2f}" for key in ("fit_noise_floor", "noise_floor")]
     first, *added = table["steps"]
     assert first["effect"] is None and {"fit_error", "validate_error"} <= set(first)
     for step in added:
