@@ -21,6 +21,7 @@ from .search import Search, Step
 Array = NDArray[np.float64]
 
 MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
+_CLOSE = 1.5  # times what the best left: an effect that left more then is not tried again
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
 
@@ -28,15 +29,20 @@ _IN_QUADRATURE = math.cos(math.radians(25))
 def exchange(search: Search) -> None:
     """Tries in the place of each earlier effect the others that earned it as well.
 
-    What was still missing when they were compared may have made one look like the other, or better. At the noise floor
-    only those are tried that could not be told apart.
+    What was still missing when they were compared may have made one look like the other, or better. Tried are those
+    that could not be told apart, and short of the noise floor those that came close.
     """
     for k in range(1, len(search.steps) - 1):
         if k >= len(search.steps) - 1:
             break
         step, last = search.steps[k], search.steps[-1]
         assert step.effect is not None
-        others = [t for t in step.others if t.name in step.confusable_with or not search.at_floor]
+        others = [
+            t
+            for t in step.others
+            if t.name in step.confusable_with
+            or (not search.at_floor and t.held_out.total < _CLOSE * step.held_out.total)
+        ]
         trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
         chosen, equal = simplest([t.held_out for t in trials], [t.result.misfit.coordinates.size for t in trials])
         if chosen:
@@ -53,6 +59,8 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
     """The last fit with another effect in the place of one that it has; without that one, if it has the other too."""
     misfit, x = without(search.steps[-1].result, name)
     plant = misfit.coordinates.template
+    if {e.name for e in plant.effects} == {e.name for e in other.result.plant.effects}:
+        return other
     if other.name not in plant:
         plant = plant + other.result.plant[other.name]
         more = Misfit(plant, misfit.observations)
