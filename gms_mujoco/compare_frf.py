@@ -160,8 +160,9 @@ def simulated_response(plant: Plant, o: FrfObservation) -> Complex:
         # Held over a sample, a torque acts half a sample late.
         step = 1 / (SAMPLES * f)
         moved = joint.simulate(plant.driven_inertia, step, driven, substeps=_SUBSTEPS)
-        lead = 0.5 * step / _SUBSTEPS * moved.velocity  # see simulate
-        last = fundamental((moved.position - lead)[None, -SAMPLES:])[0]
+        with np.errstate(invalid="ignore", over="ignore"):  # of what runs away the error is not a number
+            lead = 0.5 * step / _SUBSTEPS * moved.velocity  # see simulate
+            last = fundamental((moved.position - lead)[None, -SAMPLES:])[0]
         out[i] = last * np.exp(1j * math.pi / SAMPLES) / np.sinc(1 / SAMPLES) / o.torque[i]
     return out
 

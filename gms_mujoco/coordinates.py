@@ -18,6 +18,7 @@ from .plant import Plant
 
 Array = NDArray[np.float64]
 
+_OPEN = np.log(1e3)  # half an interval of a logarithm
 _INERTIA = Parameter("inertia", "kg m^2", lower=0.0, doc="J")
 
 
@@ -158,8 +159,12 @@ class Coordinates:
     ) -> dict[str, tuple[float, float]]:
         """Interval of each value, by its name, from the covariance of the coordinates.
 
+        Where it would be as wide as six decades, or as the line, it is all that the parameter may be, often [0, inf]:
+        the local expansion that it comes from says nothing then but that the data leave it open.
+
         Args:
-            deviations: standard deviations in half an interval, of each coordinate (size,) or of all.
+            deviations: standard deviations in half an interval, of each coordinate (size,) or of all; infinite for one
+                that is open.
         """
         out: dict[str, tuple[float, float]] = {}
         values, at = self.values(x), 0
@@ -171,12 +176,16 @@ class Coordinates:
             if b.scale == "share":
                 slope = np.diag(value)[:, :-1] - np.outer(value, value[:-1])
                 sigma = np.sqrt(np.maximum(np.diag(slope @ covariance[here, here] @ slope.T), 0))
-                half = widths[here].max() * sigma  # the last share has no coordinate of its own
+                known = widths[here][np.isfinite(widths[here])]
+                half = known.max(initial=1.96) * sigma  # the last share has no coordinate of its own
                 lower, upper = np.clip(value - half, 0, 1), np.clip(value + half, 0, 1)
             else:
                 half = widths[here] * np.sqrt(np.maximum(np.diag(covariance)[here], 0))
                 least, most = b.bounds()
                 lower, upper = (b.decode(np.clip(x[here] + d, least, most)) for d in (-half, half))
+                is_open = ~np.isfinite(half) | (half > _OPEN if b.scale == "log" else False)
+                whole = (0.0, np.inf) if b.scale == "above" else (b.parameter.lower, b.parameter.upper)
+                lower, upper = (np.where(is_open, w, end) for w, end in zip(whole, (lower, upper), strict=True))
                 if b.scale == "above":
                     lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}

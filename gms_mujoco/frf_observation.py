@@ -35,7 +35,7 @@ from .sines import Sines
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MODEL_ERROR = 1.5e-3  # of a torque: what a sampled period costs
+_MODEL_ERROR = 3e-3  # of a torque: what a sampled period costs, and a drive and a sensor that are not quite linear
 _DOUBT = 1.03  # of the inertia: where this changes what the harmonics do, one of them meets the resonance
 _BLOCK = 3  # neighbouring points that are left out together
 _UNKNOWN = 0.01  # relative deviation of a response of which nothing is known

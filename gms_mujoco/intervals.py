@@ -19,7 +19,7 @@ from scipy import linalg, stats
 
 from .frf_observation import Seen
 from .inverse import Observation
-from .misfit import Misfit
+from .misfit import ROUNDING, Misfit
 from .tall import gram
 
 Array = NDArray[np.float64]
@@ -28,13 +28,15 @@ _BLOCK = 0.5  # s, the shortest
 _CORRELATED = 40.0  # correlation times of the residual that a block lasts at least
 _LAGS = 8  # a part of the record, over which a correlation is looked at: further it is noise
 _FEWEST_BLOCKS = 6  # of all records together, if they are long enough
+_ANYWHERE = 1e3  # times its reach: the deviation of what the data do not see
 _LEVERAGE = 0.95  # that a block has at most: one that alone decides leaves no residual to judge it by
 
 
 def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
     """Covariance (size, size) of the vector of least squares, and the standard deviations (size,) in half an interval.
 
-    Those are Student's t for 95 %, more than 1.96, for a variance is known from few blocks.
+    Those are Student's t for 95 %, more than 1.96, for a variance is known from few blocks; infinite for what the data
+    do not see, as a Stribeck velocity where both levels are the same.
     """
     residual = misfit.residual(x)
     # A state that the data hardly see is as unsure as it was before them.
@@ -54,7 +56,13 @@ def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
         kept_twice.append((axes * (leverage * more**2)) @ axes.T)
     freedom = _freedom(root, np.array(kept), np.array(kept_twice))
     spread = root @ np.array(scores).T
-    return np.asarray(spread @ spread.T), np.asarray(stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
+    scatter = np.asarray(spread @ spread.T)
+    deviations = np.asarray(stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
+    reach = misfit.reach(x)
+    unseen = (misfit.prior == 0) & (np.sum(jacobian**2, 0) * reach**2 <= ROUNDING**2 * float(residual @ residual))
+    scatter[unseen] = scatter[:, unseen] = 0.0
+    scatter[unseen, unseen] = (_ANYWHERE * reach[unseen]) ** 2
+    return scatter, np.where(unseen, np.inf, deviations)
 
 
 def _freedom(root: Array, kept: Array, kept_twice: Array) -> Array:

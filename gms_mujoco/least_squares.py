@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .misfit import Misfit, squared
+from .misfit import ROUNDING, Misfit, squared
 from .tall import gram
 
 Array = NDArray[np.float64]
@@ -36,14 +36,15 @@ def solve(
     r = misfit.residual(x)
     prior = misfit.prior * squared(r) / len(r)
     cost, damping = squared(r) + float(prior @ x**2), 1e-3
-    stalled = 0
+    stalled, reach = 0, misfit.reach(x)[columns]
     for _ in range(max_steps if len(columns) else 0):
         jacobian = misfit.jacobian(x, columns)[:, columns]
         gradient = gram(jacobian, r) + prior[columns] * x[columns]
         hessian = gram(jacobian, jacobian) + np.diag(prior[columns])
         push = np.zeros(misfit.size)
         push[columns] = gradient
-        free = np.flatnonzero(~misfit.held(x, push)[columns] & (np.diag(hessian) > 0))
+        seen = np.diag(hessian) * reach**2 > ROUNDING**2 * cost
+        free = np.flatnonzero(~misfit.held(x, push)[columns] & seen)
         if not len(free):
             break
         moving = columns[free]

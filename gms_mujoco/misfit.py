@@ -27,12 +27,14 @@ from .threads import each
 Array = NDArray[np.float64]
 
 
+ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by less, the data do not see
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
 _EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
+_IMPOSSIBLE = 1e3  # times the torque
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 
 
@@ -199,13 +201,19 @@ class Misfit:
                     memory[k] = kept
 
     def residual(self, x: Array) -> Array:
-        """(m,) applied torque minus the torque the plant needs, over all observations [N m]."""
+        """(m,) applied torque minus the torque the plant needs, over all observations [N m].
+
+        Where the bodies behind couplings are more than the whole axis it is very large: there is no such plant.
+        """
         plant, skew = self._plant(x), self.skew(x)
+        impossible = plant.driven_inertia <= 0
 
         def one(k: int) -> tuple[Array, Grid | None]:
             i, o = self._seen[k]
             memory = self.memory(x, i)
             grid = o.samples if self.set_grids is None else self.set_grids[k]
+            if impossible:
+                return _IMPOSSIBLE * o.applied(plant, skew), None
             if self.coarse or self.set_grids is not None:
                 needed = o.needed(plant, memory, grid)
             else:

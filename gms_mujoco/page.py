@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -110,8 +111,8 @@ def _interval(value: float, interval: tuple[float, float] | None) -> str:
     if interval is None:
         return ""
     low, high = interval
-    if not high - low < 1e3 * abs(value) and value != 0:
-        return "not seen by this data"
+    if not high - low < 1e3 * abs(value) and (value != 0 or not math.isfinite(high - low)):
+        return "undetermined"
     return f"[{low:.4g}, {high:.4g}]"
 
 

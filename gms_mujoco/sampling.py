@@ -107,7 +107,8 @@ def _half_widths(plant: Plant, coordinates: Coordinates, x: Array) -> Array:
             top = np.array([plant.uncertainty[label][1]])
             if b.scale == "above":
                 top = top - np.asarray(plant[b.effect].values[b.parameter.at_least], float)
-            out[i] = float(b.encode(top)[0]) - x[i]
+            width = float(b.encode(top)[0]) - x[i]
+            out[i] = width if math.isfinite(width) or b.scale == "log" else 0.0
     return np.where(coordinates.is_linear, out, np.minimum(out, math.log(_VAGUE)))
 
 

@@ -43,6 +43,7 @@ _MOSTLY = 0.5  # of the squared residual, which several together must not leave
 _BLOWN_UP = 10.0  # times its squared residual in the fit: a block that is left out and holds two thirds of an unknown
 _END = 0.99  # of the most that a strength may be
 _STEP = 1e-3  # of the typical strength, for the derivative
+_MOST_HIDDEN = 0.8  # of the inertia
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,13 @@ class _Best:
 
 
 def joined(plant: Plant, effect: Effect) -> Plant:
-    """The plant with an effect added, or with its elements added to those that the plant has of it."""
+    """The plant with an effect added, or with its elements added to those that the plant has of it.
+
+    A body behind a coupling is a part of the axis: it begins with at most `_MOST_HIDDEN` of what moves with the joint.
+    """
+    most = _MOST_HIDDEN * plant.driven_inertia if plant.inertia else math.inf
+    if effect.hidden_inertia > most:
+        effect = effect.replace(inertia=most)
     return plant.replace(_merged(plant[effect.name], effect)) if effect.name in plant else plant + effect
 
 
@@ -571,8 +578,12 @@ def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
 _SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
 
 
-# Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution.
-_NEED_RECORDS = ("thermal_drift", "load_dependent_friction", "encoder_eccentricity", "position_dependent_friction")
+# Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what
+# differs between the directions is in the mean and the even harmonics, while the fundamental has the mean of both.
+_NEED_RECORDS = (
+    "thermal_drift", "load_dependent_friction", "encoder_eccentricity", "position_dependent_friction",
+    "asymmetric_friction", "torque_offset",
+)  # fmt: skip
 
 
 # Drive effects that act on the goal of a servo as they act on the torque of an axis.

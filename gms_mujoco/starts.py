@@ -30,6 +30,7 @@ _GRID = 20  # break-away distances tried
 LONGEST_BREAK_AWAY = 20.0
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
+_SLIPS = 0.6  # of it: an element that breaks away there shows that it does
 _FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
@@ -54,7 +55,13 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
 
     distances = _distances(observations)
     others = replace(plant, effects=tuple(rest))
-    inertia, viscous, levels = _maxwell_slip(others, distances, observations)
+    inertia, viscous, levels = _maxwell_slip(others, distances, observations, spring=True)
+    if not any(isinstance(o, Observation) for o in observations):
+        latest = _latest(distances, levels, observations)
+        if latest < distances[-1]:  # what slips later, if ever, is a spring that the plant does not have yet
+            levels = np.where(distances <= latest, levels, 0.0)
+        else:  # an element that never slips is no less likely than a spring
+            inertia, viscous, levels = _maxwell_slip(others, distances, observations)
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
     group = _gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
@@ -95,6 +102,17 @@ def _distances(observations: Sequence[Seen]) -> Array:
         size = np.concatenate(sizes)
         grids.append(np.geomspace(_FINEST * size.min(), size.max(), _FINE_GRID))
     return np.sort(np.concatenate(grids))
+
+
+def _latest(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
+    """The longest break-away distance that frequency responses let an element have.
+
+    Twice the largest amplitude; where that is many times the usual distance, and the other elements have all slipped,
+    so much less than it that the element is told from a spring.
+    """
+    largest = max(float(o.size.max()) for o in observations if isinstance(o, FrfObservation))
+    usual = weighted_median(distances, levels) if levels.any() else largest
+    return _SLIPS * largest if LONGEST_BREAK_AWAY * usual < _SLIPS * largest else largest / _STUCK
 
 
 def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float]]:
@@ -141,12 +159,11 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
     softer = np.full(gms.elements, softest)
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
-    sizes = [float(o.size.max()) for o in frfs]
-    if len(sizes) == len(observations):  # one that never slipped at any amplitude is told from no other such
-        softer = _STUCK * level / max(sizes)
+    if len(frfs) == len(observations):  # one that never slipped at any amplitude is told from no other such
+        softer = level / _latest(level / stiffness, level, observations)
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
-    if len(sizes) == len(observations):  # a level that no torque reached is not seen
+    if len(frfs) == len(observations):  # a level that no torque reached is not seen
         hardest = float(max(np.abs(o.torque).max() for o in frfs))
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))
         limits["gms.static"] = (0.0, max(hardest - total, 0.1 * total), above)  # its coordinate: above the other level
@@ -171,13 +188,16 @@ def _with(effect: Effect, **values: object) -> Effect:
 
 
 def _maxwell_slip(
-    plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Seen]
+    plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Seen], spring: bool = False
 ) -> tuple[float, float, Array]:
     """Inertia, viscous coefficient and the level of one slipping spring per break-away distance.
 
     A Maxwell-slip set on preset break-away distances is linear in its levels, so non-negative least squares finds
     the global optimum. An offset and a spring stand beside it: without them one that the plant does not have yet
     would be taken for elements that never slip.
+
+    Args:
+        spring: put one beside them in frequency responses too.
     """
     springs = [
         effects.find("gms")(stiffness=[1 / x], fraction=[1], coulomb=1, static=1, stribeck_velocity=1, attraction=1)
@@ -200,7 +220,11 @@ def _maxwell_slip(
         target = applied + known
     else:
         target = applied + known - plant.driven_inertia * inertial
-    matrix = np.column_stack([*columns, *_offset_and_spring(observations)])
+    beside = _offset_and_spring(observations)
+    if spring and not beside:
+        force = column(effects.find("spring")(stiffness=1.0))
+        beside = [force, -force]
+    matrix = np.column_stack([*columns, *beside])
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
     solution = optimize.nnls(matrix / scale, target)[0] / scale
     n = len(springs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -28,7 +29,8 @@ def undetermined(plant: Plant) -> dict[str, str]:
     """Parameters that the data of a fit could not tell, by name, with the experiment that would.
 
     Those whose 95 % interval spans more than a factor of ten, a share that may be anything, and a static level that
-    may be the Coulomb level or twice it.
+    may be the Coulomb level or twice it. An interval that is all that the parameter may be, as [0, inf], stands for one
+    of which nothing is known.
     """
     out: dict[str, str] = {}
     drags = "position_loop" in plant and "viscous" in plant
@@ -40,7 +42,9 @@ def undetermined(plant: Plant) -> dict[str, str]:
     numbers = plant.numbers()
     for name, (low, high) in plant.uncertainty.items():
         value = numbers[name][0]
-        if name.startswith("gms.fraction"):
+        if not math.isfinite(high - low):
+            vague = True
+        elif name.startswith("gms.fraction"):
             vague = high - low > 0.5
         elif low > 0:
             vague = high > _UNKNOWN * low

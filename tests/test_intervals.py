@@ -18,7 +18,7 @@ def linear(matrix: np.ndarray, target: np.ndarray, per_block: int) -> tuple[Misf
     x = np.linalg.lstsq(matrix, target, rcond=None)[0]
     problem: Any = SimpleNamespace(
         observations=[SimpleNamespace(rows_per_block=lambda duration: per_block)], splits=[],
-        prior=np.zeros(len(x)), residual=lambda x: target - matrix @ x, jacobian=lambda x: -matrix,
+        prior=np.zeros(len(x)), reach=np.ones_like, residual=lambda x: target - matrix @ x, jacobian=lambda x: -matrix,
     )  # fmt: skip
     problem.with_steps = lambda x, deviation: problem
     return cast(Misfit, problem), x
@@ -69,3 +69,14 @@ def test_blocks_hold_every_row_once_and_are_long_where_the_residual_is_slow() ->
         np.cumsum([0, *m[:-1]]), m, strict=True)]  # fmt: skip
     assert len(own[0]) == 2 and {p for _, p in own[0]} == {1.0}  # half a record each
     assert all(len(o) > 8 and {p for _, p in o} == {0.5} for o in own[1:])
+
+
+def test_what_the_data_do_not_see_may_be_anything() -> None:
+    """Also beside a parameter that they determine, whose interval does not change."""
+    rng = np.random.default_rng(4)
+    matrix, target = np.ones((60, 1)), rng.standard_normal(60)
+    seen, x = linear(matrix, target, 6)
+    blind, y = linear(np.column_stack([matrix, np.zeros(60)]), target, 6)
+    widths = half_widths(blind, y)
+    assert np.isinf(widths[1]) and widths[0] == pytest.approx(half_widths(seen, x)[0])
+    assert np.isfinite(covariance(blind, y)[0]).all()

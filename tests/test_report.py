@@ -61,7 +61,7 @@ def test_parameters_show_their_interval_and_unit() -> None:
     plant = Plant.axis(2.0, "slide") + effects.find("coulomb")(coulomb=20.0)
     intervals = {"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}
     rows = page.parameter_rows(replace(plant, uncertainty=intervals))
-    assert rows == [("inertia", "2", "not seen by this data", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
+    assert rows == [("inertia", "2", "undetermined", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
 
 
 def test_an_effect_with_one_element_shows_its_interval() -> None:

@@ -36,6 +36,7 @@ def test_what_pre_sliding_responses_cannot_tell_is_said_with_the_experiment_that
     small.plant.save(tmp_path / "model.toml")
     again = Plant.load(tmp_path / "model.toml")
     assert any(line.startswith("gms.attraction; what would tell it") for line in again.provenance["undetermined"])
+    assert again.uncertainty["gms.attraction"] == (0, np.inf) and again.uncertainty == small.plant.uncertainty
     large = fit(UNKNOWN, sweep(AXIS, [0.15, 0.5, 1.0, 2.0, 4.0]))
     assert not SLIDING & set(large.undetermined)
 
