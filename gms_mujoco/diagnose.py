@@ -172,8 +172,8 @@ def diagnose(
     The default baseline has `gms` friction. Where that does not reach the noise floor, `lugre` in its place is fitted
     too, before effects are looked for and beside those that were found, and takes it where it passes the same tests
     and leaves less than any effect would; of frequency responses alone the whole search is made with either law, and
-    `lugre` taken where it leaves much less in the end. A law of your own `plant` stays: what another would do is told in the
-    remainder.
+    `lugre` taken where it leaves much less in the end. A law of your own `plant` stays: what another would do is told
+    in the remainder.
 
     Args:
         runs: a measurement set with at least one fit record.
@@ -210,8 +210,8 @@ def diagnose(
         for law in choices(start)[1:]:
             other = Search(seen, select, with_law(start, law), without)
             other_late = _searched(other, FrictionLaw(other, free=False), lambda done, message: report(0.9, message))
-            if said := much_better(search, other, law.name):
-                search, late, law_said = other, other_late, said
+            if better := much_better(search, other, law.name):
+                search, late, law_said = other, other_late, better
 
     report(0.9, "scoring the validate records")
     last = search.steps[-1].result

@@ -31,6 +31,7 @@ LONGEST_BREAK_AWAY = 20.0
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
 _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
+_FURTHER = 2.0  # times as late an element may slip where amplitudes tell when it does
 _FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
@@ -107,12 +108,13 @@ def _distances(observations: Sequence[Seen]) -> Array:
 def _latest(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
     """The longest break-away distance that frequency responses let an element have.
 
-    Twice the largest amplitude; where that is many times the usual distance, and the other elements have all slipped,
-    so much less than it that the element is told from a spring.
+    Twice the largest amplitude; where that is many times the usual distance, so that the other elements have all
+    slipped long ago, less than the amplitude: there an element is told from a spring.
     """
     largest = max(float(o.size.max()) for o in observations if isinstance(o, FrfObservation))
     usual = weighted_median(distances, levels) if levels.any() else largest
-    return _SLIPS * largest if LONGEST_BREAK_AWAY * usual < _SLIPS * largest else largest / _STUCK
+    longest = _FURTHER * LONGEST_BREAK_AWAY * usual
+    return longest if longest < _SLIPS * largest else largest / _STUCK
 
 
 def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float]]:
@@ -160,7 +162,9 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
     softer = np.full(gms.elements, softest)
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
     if len(frfs) == len(observations):  # one that never slipped at any amplitude is told from no other such
-        softer = level / _latest(level / stiffness, level, observations)
+        latest, largest = _latest(level / stiffness, level, observations), max(float(o.size.max()) for o in frfs)
+        # An element that starts small would become a spring as its share grows.
+        softer = (np.maximum(level, level.mean()) if latest < largest else level) / latest
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
     limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
     if len(frfs) == len(observations):  # a level that no torque reached is not seen
