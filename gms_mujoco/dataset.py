@@ -27,7 +27,7 @@ FILE = "dataset.toml"
 _FEWEST_POINTS = 5  # of a response that validates
 _FIT_SHARE = 0.6  # of a single record, in time
 _KEYS = {
-    "record": ("file", "use", "joint", "episode", "rate", "columns", "units", "scale"),
+    "record": ("file", "use", "joint", "episode", "rate", "span", "columns", "units", "scale"),
     "frf": ("file", "input", "output", "amplitude", "use", "columns", "units", "scale"),
 }
 
@@ -265,6 +265,11 @@ def _record(
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
                                 'or torque_constant = "unknown" to stay in A')
             signals["torque"] = axis.torque_constant * signals.pop("current")
+        span = entry.get("span")
+        if span is not None:
+            kept = timing.within(signals["time"], span)
+            signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
+            table = table.rows(kept)
         notes = [read, plausible.trimmed(signals)]
         columns.check(table, signals)
         for key in [k for k in signals if k.startswith("position")]:
@@ -279,6 +284,8 @@ def _record(
     short = Path(name).name if Path(name).is_absolute() else name
     if episode is not None:
         short += f" episode {episode}"
+    if span is not None:
+        short += f" {span[0]:g} to {span[1]:g} s"
     return Record(short, time, signals, use, axis.joint.resolution), others, [n for n in notes if n]
 
 

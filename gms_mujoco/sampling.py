@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 from scipy.special import ndtr, ndtri
 
 from .coordinates import Coordinates
@@ -119,8 +120,8 @@ def _scatter(plant: Plant, coordinates: Coordinates) -> tuple[Array, Array]:
     matrix = np.array(list(plant.covariance.values()), float).reshape(len(order), len(order))[np.ix_(at, at)]
     sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scale = np.where(sigma > 0, sigma, 1.0)
-    value, vector = np.linalg.eigh(matrix / np.outer(scale, scale))
-    root = vector * np.sqrt(np.maximum(value, 0.0))
+    value, vector = linalg.eigh(matrix / np.outer(scale, scale))
+    root = (vector * np.sqrt(np.maximum(value, 0.0))) @ vector.T  # the one root that no sign of a vector changes
     length = np.sqrt((root**2).sum(axis=1, keepdims=True))  # 1 but for rounding: every marginal is standard normal
     sigma = np.where(coordinates.is_linear, sigma, np.minimum(sigma, math.log(_VAGUE) / _SIGMAS))
     return sigma, root / np.where(length > 0, length, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,26 @@ Array = NDArray[np.float64]
 HELD = ("torque", "current")  # the drive holds these from one sample to the next
 LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
 _EVEN = 0.02  # steps that differ by less than this part are even
+
+
+def within(time: Array, span: Any) -> NDArray[np.bool_]:
+    """(n,) which samples lie in a span of time.
+
+    Args:
+        time: (n,) [s].
+        span: [from, to] [s], both included.
+
+    Raises:
+        DataError: no two rising numbers, or nothing there.
+    """
+    numbers = isinstance(span, list) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in span)
+    if not numbers or len(span) != 2 or not span[0] < span[1]:
+        raise DataError(f"span must be two rising times, as in span = [1.0, 9.5] [s]; {span!r} given")
+    outside = (time < span[0]) | (time > span[1])
+    if outside.all():
+        whole = f"its time runs from {time[0]:.6g} to {time[-1]:.6g} s"
+        raise DataError(f"span = {span}: the file has nothing there; {whole}")
+    return np.asarray(~outside)
 
 
 def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, Array], str | None]:
@@ -46,7 +67,8 @@ def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, 
     if step[worst] > LONGEST_GAP * h:
         raise DataError(
             f"a gap of {step[worst]:.4g} s after {time[worst]:.6g} s, where samples are {h:.4g} s apart; "
-            "cut the run there into two files"
+            "make it two records there, as in span = "
+            f"[{time[0]:.6g}, {time[worst]:.6g}] and span = [{time[worst + 1]:.6g}, {time[-1]:.6g}]"
         )
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
     even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)

@@ -245,6 +245,20 @@ def test_long_gap_is_refused_with_its_time(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "gap of 0.041 s after 0.049 s", **{k: v[kept] for k, v in RUN.items()})
 
 
+def test_a_span_takes_a_part_of_a_file_and_leaves_out_what_is_wrong_with_the_rest(tmp_path: Path) -> None:
+    torque = RUN["torque"].copy()
+    torque[100] = np.nan
+    first, second = ('use = "fit"\nspan = [0.0, 0.0995]\n', 'use = "validate"\nspan = [0.101, 9]\n')
+    runs = dataset(tmp_path, AXIS + RECORD + first + RECORD + second, **{**RUN, "torque": torque})
+    assert np.array_equal(runs.fit[0].torque, torque[:100]) and np.array_equal(runs.validate[0].time, TIME[101:])
+    assert runs.fit[0].name == "run.csv 0 to 0.0995 s"
+    whole = AXIS + RECORD + 'use = "fit"\n'
+    refuses(tmp_path, whole + "span = [0.05, 1]\n", "line 102", "torque is nan", **{**RUN, "torque": torque})
+    for wrong in ("[1.0]", "[2, 1]", '"1-2"', "[true, 3]", "[0.0, nan]"):
+        refuses(tmp_path, whole + f"span = {wrong}\n", "span must be two rising times")
+    refuses(tmp_path, whole + "span = [5, 6]\n", "nothing there", "from 0 to 0.199 s")
+
+
 def test_time_backwards_or_standing_still_names_the_line(tmp_path: Path) -> None:
     for wrong in (0.005, 0.009):
         time = TIME.copy()

@@ -69,9 +69,13 @@ class Table:
             some = ", ".join(f"{x:g}" for x in found[:_SOME]) + (", ..." if len(found) > _SOME else "")
             asked = "choose one, as in episode = " + f"{found[0]:g}" if number is None else f"{number} is none of them"
             raise DataError(f"the file has {len(found)} episodes, {some}: {asked}")
-        here = index == number
+        return self.rows(index == number)
+
+    def rows(self, here: NDArray[np.bool_]) -> Table:
+        """Some of the rows; columns of another length stay."""
         columns = {k: v[here] if len(v) == len(here) else v for k, v in self.columns.items()}
-        return replace(self, columns=columns, lines=None if self.lines is None else self.lines[here])
+        lines = self.lines[here] if self.lines is not None and len(self.lines) == len(here) else self.lines
+        return replace(self, columns=columns, lines=lines)
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
