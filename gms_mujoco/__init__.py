@@ -32,6 +32,7 @@ from .parameter import Parameter
 from .plant import Plant
 from .record import Record
 from .sampling import sample
+from .servo_run import ServoRun
 from .simulate import simulate
 from .sweep import stepped_sine
 from .version import __version__
@@ -54,6 +55,7 @@ __all__ = [
     "Parameter",
     "Plant",
     "Record",
+    "ServoRun",
     "__version__",
     "attach",
     "baseline",

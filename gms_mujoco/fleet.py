@@ -38,6 +38,7 @@ from .fit import baseline, fit
 from .plant import Plant
 from .progress import Progress
 from .record import Record
+from .score import POSITION, TORQUE, Score
 from .version import __version__
 from .workers import Row, run
 
@@ -45,8 +46,8 @@ Array = NDArray[np.float64]
 
 SUMMARY = ("summary.csv", "summary.json")
 VERBS = ("fit", "diagnose")
-_COLUMNS = ("name", "status", "verdict", "effects", "fit_error", "validate_error", "noise_floor", "seconds", "dataset",
-            "joint", "error")  # fmt: skip
+_COLUMNS = ("name", "status", "verdict", "effects", "fit_error", "validate_error", "noise_floor", "error_unit",
+            "seconds", "dataset", "joint", "error")  # fmt: skip
 _SHOWN = 40  # rows in the printed table, beside those that failed
 _LENGTH = 80  # characters of an error in the printed table
 
@@ -100,21 +101,22 @@ class Fleet:
         return Plant.load(self.folder / name / "model.toml")
 
     def __str__(self) -> str:
-        lines = [f"{'name':32} {'result':18} {'fit':>8} {'validate':>8} {'floor':>8}  effects"]
+        lines = [f"{'name':32} {'result':18} {'fit':>9} {'validate':>9} {'floor':>9}  effects"]
         shown = [*self.rows[:_SHOWN], *(r for r in self.rows[_SHOWN:] if r["status"] != "done")]
         for r in shown:
             if r["status"] != "done":
                 lines.append(f"{r['name'][:32]:32} failed: {r['error'][:_LENGTH]}")
                 continue
-            errors = " ".join(_percent(r.get(k)) for k in ("fit_error", "validate_error", "noise_floor"))
+            score = POSITION if r.get("error_unit") == POSITION.unit else TORQUE
+            errors = " ".join(_told(score, r.get(k)) for k in ("fit_error", "validate_error", "noise_floor"))
             lines.append(f"{r['name'][:32]:32} {r.get('verdict') or 'fitted':18} {errors}  {', '.join(r['effects'])}")
         if len(shown) < len(self.rows):
             lines.append(f"... and {len(self.rows) - len(shown)} more that are done, see {SUMMARY[0]}")
         return "\n".join([*lines, f"{len(self.rows) - len(self.failed)} done, {len(self.failed)} failed"])
 
 
-def _percent(x: float | None) -> str:
-    return f"{'':>8}" if x is None else f"{100 * x:6.2f} %"
+def _told(score: Score, x: float | None) -> str:
+    return f"{'' if x is None else score.told(x):>9}"
 
 
 def fit_all(
@@ -249,11 +251,13 @@ def _diagnose(task: Task, folder: Path) -> Row:
 
 
 def _row(plant: Plant, fit_error: float, validate_error: float | None, floor: float) -> Row:
+    score = POSITION if "position_loop" in plant else TORQUE
     return {
         "effects": [e.name for e in plant.effects],
         "fit_error": fit_error,
         "validate_error": validate_error,
         "noise_floor": floor,
+        "error_unit": score.unit,
         "parameters": {k: v for k, (v, _) in plant.numbers().items()},
         "uncertainty": {k: list(v) for k, v in plant.uncertainty.items()},
     }

@@ -24,7 +24,7 @@ FALSE_DISCOVERY_RATE = 0.01
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
-_FINALISTS = 2  # of them, that do something different, fitted to the end
+FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
@@ -74,17 +74,19 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     return left - left_of(after.misfit, after.vector) > _CARRIED * gained
 
 
-def finalists(current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> list[tuple[str, Misfit, Array]]:
+def finalists(
+    current: FitResult, rough: Sequence[tuple[str, Misfit, Array]], count: int = FINALISTS
+) -> list[tuple[str, Misfit, Array]]:
     """The best of the rough fits, best first; one more where the first two do the same to the residual; and the best
     of those that do the same as the first with fewer parameters."""
     before = current.misfit.residual(current.vector)
     after = [misfit.residual(x) for _, misfit, x in rough]
     if any(len(r) != len(before) for r in after):
-        return list(rough[:_FINALISTS])  # of responses, fewer points: what they do cannot be set side by side
+        return list(rough[:count])  # of fewer points or runs: what they do cannot be set side by side
     changes = [before - r for r in after]
     sizes = [float(np.sqrt(c @ c)) for c in changes]
     alike = [float(changes[0] @ c) > _SAME * sizes[0] * size for c, size in zip(changes, sizes, strict=True)]
-    most = _FINALISTS + (len(rough) > _FINALISTS - 1 and all(alike[:_FINALISTS]))
+    most = count + (len(rough) > count - 1 and all(alike[:count]))
     simpler = (t for t, same in zip(rough[most:], alike[most:], strict=True) if same and t[1].size < rough[0][1].size)
     return [*rough[:most], *itertools.islice(simpler, 1)]
 

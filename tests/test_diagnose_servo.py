@@ -12,8 +12,10 @@ import test_compare_servo as known
 from gms_mujoco import cli
 from gms_mujoco.dataset import load, save
 from gms_mujoco.diagnose import Diagnosis, diagnose
-from gms_mujoco.errors import DataError
+from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
+from gms_mujoco.screen import applicable
 
 
 def test_a_hidden_delay_is_named_and_parameters_come_back(servo_diagnosis: Diagnosis) -> None:
@@ -46,6 +48,15 @@ def test_a_servo_that_has_all_it_needs_is_adequate(tmp_path: Path) -> None:
     save(tmp_path, servos.bench(delay=0.0))
     found = diagnose(load(tmp_path), known.POOR)
     assert found.verdict == "adequate" and not found.found
+
+
+def test_what_is_known_not_to_be_there_is_not_looked_at(servo_set: Path) -> None:
+    names = tuple(e.name for e in applicable(known.POOR, observe(load(servo_set).fit)))
+    assert {"delay", "least_duty", "load_dependent_friction", "spring"} <= set(names) and "gms" not in names
+    found = diagnose(load(servo_set), known.POOR, without=names)
+    assert not found.found and not found.candidates and found.verdict == "unexplained"
+    with pytest.raises(ModelError, match="no effect is called 'springs'"):
+        diagnose(load(servo_set), known.POOR, without=["springs"])
 
 
 def test_a_torque_of_ones_own_is_no_candidate_for_a_servo(servo_set: Path) -> None:
