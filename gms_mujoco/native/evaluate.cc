@@ -137,6 +137,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
       u.state = state;
       u.torque = book[kAhead];
       u.slope = book[kSlope];
+      u.from_others = book[kFromOthers];
     }
   }
   if (n == 0) return;
@@ -156,6 +157,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   for (int i = 0; i < n; i++) {
     const auto& u = g->implicit.units[i];
     apply(g->active[i], d, u.torque);
+    g->active[i]->own = tau[u.dof] + u.torque;
     g->active[i]->book(d)[kNextSlope] = u.slope;
   }
 }
@@ -172,6 +174,7 @@ inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x) {
   if (x.late()) {
     book[kPastAcceleration] = d->qacc[x.dof];
     book[kSlope] = book[kNextSlope];
+    book[kFromOthers] = d->qacc_smooth[x.dof] - x.weight * x.own;
   }
   return Joint::since(x.now(d), state);
 }

@@ -11,6 +11,7 @@ constexpr double kExact = 1e-7;     // a law this close to its tangent is on it,
 constexpr double kSoft = 0.05;      // h slope / inertia below which a tangent may be taken as level
 constexpr double kLeft = 0.05;      // error that may be left, in parts of the change of torque over the step
 constexpr double kStiff = 1;        // h slope / inertia from which joints are solved for together
+constexpr double kLoose = 0.3;      // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr int kIterations = 12;
 
 void multiply(const Tree& tree, const double* x, double* y) {
@@ -237,11 +238,12 @@ void Implicit::solve_alone(int count, const double* damping, const double* veloc
 void Implicit::solve(int count, const Tree& inertia, const double* damping, const double* velocity,
                      const double* tau, double h) {
   const int n = inertia.n;
-  bool stiff = false, damped = false;
+  bool stiff = false, damped = false, known = true;
   for (int i = 0; i < count; i++) {
     Unit& u = units[i];
     u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
     stiff |= h * u.steepest * u.weight > kStiff;
+    known &= u.from_others != kInfinity && h * u.steepest * u.weight <= kLoose;
   }
   for (int i = 0; damping && !damped && i < n; i++) damped = damping[i] != 0;
   for (int i = 0; stiff && i < count; i++) {
@@ -256,6 +258,13 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
   }
 
   double* dv = change_.data();
+  if (!stiff && !damped && known) {
+    for (int i = 0; i < count; i++) {
+      const Unit& u = units[i];
+      dv[u.dof] = h * (u.from_others + u.weight * (tau[u.dof] + u.torque));
+    }
+    return solve_alone(count, nullptr, velocity, dv, h);
+  }
   bool factored = false;
   for (int iteration = 0; iteration < kIterations; iteration++) {
     bool holds = false, level = !damped && inertia.factor;

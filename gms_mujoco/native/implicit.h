@@ -30,7 +30,9 @@ struct Tree {
 // joint does.
 //
 // Where no joint is stiff (h slope / inertia < 1), each is solved for alone, the others having the torque they began
-// the step with: the coupling of the changes is then as explicit as all the rest of the step, and M is not factored.
+// the step with: the coupling of the changes is then as explicit as all the rest of the step, and M is not factored. Below
+// 0.3 what the others do to a joint is that of the last step, and M is not even solved with: their friction at the end of
+// the last step is their friction at the beginning of this one.
 class Implicit {
  public:
   struct Unit {
@@ -42,6 +44,7 @@ class Implicit {
     double* state;        // the joint's, at the anchor
     double torque;        // in: at the anchor; out: over the step
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
+    double from_others = kInfinity;  // acceleration beside weight times torque, in the last step; infinite: not known
 
     // Of the solution.
     double start;                       // torque at the anchor

@@ -33,8 +33,9 @@ extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 // After the joint's own state, in plugin_state: the torque on the joint now; whether it has not moved since the reset;
 // where the next evaluation starts from: the torque that the last advance found, the velocity it found it at, the
 // acceleration that had led there, and the slope of the law in the last implicit step (below 0: not known); the slope in
-// this step; the load: what the gear transmitted to the link in the last step.
-enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kLoad, kBookkeeping };
+// this step; the load: what the gear transmitted to the link in the last step; its acceleration in that step without
+// contacts and limits, less what its own torque gave (infinite: not known).
+enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kLoad, kFromOthers, kBookkeeping };
 
 struct Unit {  // one joint
   const Joint* joint = nullptr;
@@ -44,6 +45,7 @@ struct Unit {  // one joint
   // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
   // put that back, and qfrc_passive stays.
   double base = 0, sum = 0;
+  double own = 0;  // torque on a late joint in this step, friction included
 
   double* state(mjData* d) const { return d->plugin_state + state_start; }
   double* book(mjData* d) const { return state(d) + n_state; }

@@ -129,6 +129,7 @@ void copy(mjData* to, const mjModel*, const mjData* from, int id) {
   for (size_t i = 0; i < units.size() && i < source.size(); i++) {
     units[i].base = source[i].base;
     units[i].sum = source[i].sum;
+    units[i].own = source[i].own;
   }
 }
 
@@ -141,6 +142,7 @@ void reset(const mjModel* m, mjtNum* state, void*, int id) {
     double* book = state + start + n - gms::kBookkeeping;
     book[gms::kFresh] = 1;
     book[gms::kSlope] = book[gms::kNextSlope] = -1;
+    book[gms::kFromOthers] = gms::kInfinity;
   }
 }
 
