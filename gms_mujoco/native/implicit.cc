@@ -222,11 +222,11 @@ void Implicit::solve_alone(int count, const double* damping, const double* veloc
     for (int j = 0; j < count; j++) {
       Unit& u = units[open_[j]];
       const double now = velocity[u.dof], free = now + dv[u.dof], v = u.origin;
-      const double gain = h * u.weight / (1 + (damping ? h * u.weight * damping[u.dof] : 0));
-      const double change = u.torque - u.start, off = free + gain * change - v;
+      const double gain = damping ? h * u.weight / (1 + h * u.weight * damping[u.dof]) : h * u.weight;
+      const double change = u.torque - u.start, off = free + gain * change - v, away = v - u.still;
       // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
-      const double chord = v == u.still ? 0 : std::max(0.0, -change / (v - u.still));
-      const bool onward = (v - u.still) * (now - u.still) > 0;
+      const double chord = std::max(0.0, away == 0 ? 0 : -change / away);
+      const bool onward = away * (now - u.still) > 0;
       if (std::fabs(off) * (onward ? chord : u.steepest) <= kLeft * std::fabs(change)) continue;
       u.origin = v + off / (1 + gain * chord);
       open_[left++] = open_[j];

@@ -46,9 +46,9 @@ class Implicit {
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
     double from_others = kInfinity;  // acceleration beside weight times torque, in the last step; infinite: not known
 
-    // Of the solution.
-    double start;                       // torque at the anchor
-    double still, side, origin, value;  // velocity of no displacement; side of it; point of the tangent
+    // Of the solution; first what joints that are not stiff use, too.
+    double start, still, origin;        // torque at the anchor; velocity of no displacement; point of the tangent
+    double side, value;                 // side of standstill that the tangent is for; its torque at `origin`
     double used;                        // slope of the tangent in use: 0 where little depends on it
     double factored;                    // the slope that the factor has
     double seen, off, law;              // where the law was looked at last, how far off its tangent it was, and itself
