@@ -331,7 +331,7 @@ def batch(rounds: int, worlds: int = 64, steps: int = 40) -> None:
     print(f"\nbatch of {worlds} arms, throughput over plain, median of {rounds} rounds, on 1 and {threads} threads")
     ends: dict[str, list[np.ndarray]] = {}
     spent: dict[tuple[str, int], list[float]] = {}
-    variants = ("plain", "gms explicit", "gms implicit")
+    variants = ("plain", "empty plug-in", "gms explicit", "gms implicit")
     models = {v: build(SOURCES["arm"], VARIANTS[v])[0] for v in variants}
     for n in (1, threads):
         batches = {v: Batch(models[v], worlds, n, True) for v in variants}

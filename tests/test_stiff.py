@@ -194,3 +194,34 @@ def test_explicit_is_chosen_where_it_is_stable():
         motion = [joint.simulate(inertia, h, torque, integration=way).position for way in ("auto", same)]
         assert np.array_equal(*motion)
         assert np.isfinite(motion[0]).all() and np.abs(motion[0]).max() < 1
+
+
+@pytest.mark.parametrize("seed", [4, 8])
+@pytest.mark.parametrize("softness", [0.05, 0.25, 0.95])
+def test_coupled_joints_that_are_solved_alone_come_to_rest(softness, seed):
+    """A chain of seven light and heavy links, each joint's friction of so many h slope / inertia: from 0.3 to 1 the
+    coupling is that of the mass matrix, below that of the last step. It neither gains energy nor chatters on."""
+    rng, h = np.random.default_rng(seed), 2e-3
+    link = (
+        '<body pos="{} 0 0"><joint name="j{}" axis="0 0 1"/>'
+        '<geom type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass="{}" contype="0"/>'
+    )
+    chain = "".join(link.format(0.2 * (i > 0), i, 10 ** rng.uniform(-1.5, 0.5)) for i in range(7)) + "</body>" * 7
+    text = f'<mujoco><option timestep="{h}" gravity="0 0 0"/><worldbody>{chain}</worldbody></mujoco>'
+    plants = {}
+    for i, weight in enumerate(mujoco.MjModel.from_xml_string(text).dof_invweight0):
+        k = softness / (h * h * weight)
+        level = 5e-3 / (h * h * weight)
+        plants[f"j{i}"] = Plant.axis() + effects.GMS(
+            stiffness=k * SHARE[::-1], fraction=SHARE, coulomb=level, static=1.2 * level, stribeck_velocity=0.8,
+            attraction=60 * level,
+        )  # fmt: skip
+    model = engine.attach(text, plants, "implicit").compile()
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data, energy = mujoco.MjData(model), []
+    data.qvel[:] = rng.normal(size=7)
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+        energy.append(data.energy[1])
+    assert max(energy) < 1.02 * energy[0]
+    assert max(energy[-100:]) < 0.05 * energy[0]
