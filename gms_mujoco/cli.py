@@ -212,7 +212,7 @@ def _fit(options: argparse.Namespace) -> None:
     if runs.validate:
         error = compare(result.plant, runs.validate).error
         print(f"validate error {error:.4f}" + (" rad" if runs.controller else ""))
-    print(_parameters(result.plant))
+    print(result.plant)
     for name, experiment in result.undetermined.items():
         print(f"{name} is not determined by these data; what would: {experiment}")
     print(f"wrote {output}")
@@ -272,7 +272,7 @@ def _fleet(options: argparse.Namespace) -> None:
         with Bar() as bar:
             found = fleet.bootstrap(options.datasets[0], options.output, plant, refits=options.refits,
                                     joint=options.joint, seed=options.seed, progress=bar, **how)  # fmt: skip
-        print(_parameters(found))
+        print(found)
         print(f"wrote {options.output}/model.toml: intervals from {options.refits} refits")
         return
     if options.joint:
@@ -465,11 +465,3 @@ def _write_diagnosis(folder: Path, diagnosis: Diagnosis) -> None:
 
 def _say_results(folder: Path) -> None:
     print(f"wrote {folder}/ (report.html for people; {PROGRAM} view {folder} opens the recording)")
-
-
-def _parameters(plant: Plant) -> str:
-    """Every parameter with its 95 % interval, one a line."""
-    from .page import parameter_rows
-
-    rows = parameter_rows(plant)
-    return "\n".join(f"  {name:36} {value:>12}  {interval:28} {unit}" for name, value, interval, unit in rows)

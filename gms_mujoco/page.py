@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -99,25 +98,8 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence
     return f'<div class="wide"><table>{top}{body}</table></div>'
 
 
-def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
-    """Name, value, 95 % interval and unit of every parameter."""
-    return [
-        (name, f"{value:.5g}", _interval(value, plant.uncertainty.get(name)), unit)
-        for name, (value, unit) in plant.numbers().items()
-    ]
-
-
-def _interval(value: float, interval: tuple[float, float] | None) -> str:
-    if interval is None:
-        return ""
-    low, high = interval
-    if not high - low < 1e3 * abs(value) and (value != 0 or not math.isfinite(high - low)):
-        return "undetermined"
-    return f"[{low:.4g}, {high:.4g}]"
-
-
 def parameters(plant: Plant, title: str) -> str:
-    rows = [[escape(cell) for cell in row] for row in parameter_rows(plant)]
+    rows = [[escape(cell) for cell in row] for row in plant.rows()]
     return f"<section><h2>{title}</h2>{table(('parameter', 'value', '95 % interval', 'unit'), rows, (1,))}</section>"
 
 

@@ -47,9 +47,9 @@ class Plant:
     effects: tuple[Effect, ...] = ()
     kind: str = "hinge"
     inertia_known: bool = True
-    uncertainty: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
-    provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    covariance: Mapping[str, tuple[float, ...]] = field(default_factory=dict, compare=False)
+    uncertainty: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    covariance: Mapping[str, tuple[float, ...]] = field(default_factory=dict, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_KINDS:
@@ -149,6 +149,16 @@ class Plant:
         if self.kind == "slide":
             out = {k: (v, slide_unit(u)) for k, (v, u) in out.items()}
         return out
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, value, 95 % interval and unit of every parameter, as text."""
+        return [
+            (name, f"{value:.5g}", _interval_text(value, self.uncertainty.get(name)), unit)
+            for name, (value, unit) in self.numbers().items()
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(f"  {name:36} {value:>12}  {ci95:28} {unit}" for name, value, ci95, unit in self.rows())
 
     def table(self, effect: str) -> dict[str, dict[str, object]]:
         """The parameters of one effect, as `diagnosis.json` shows them; no interval where none was identified."""
@@ -300,6 +310,15 @@ class Plant:
             dict(_table(table, "provenance")),
             _covariance(_table(table, "covariance")),
         )
+
+
+def _interval_text(value: float, interval: tuple[float, float] | None) -> str:
+    if interval is None:
+        return ""
+    low, high = interval
+    if not high - low < 1e3 * abs(value) and (value != 0 or not math.isfinite(high - low)):
+        return "undetermined"
+    return f"[{low:.4g}, {high:.4g}]"
 
 
 def slide_unit(unit: str) -> str:

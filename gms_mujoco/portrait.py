@@ -15,7 +15,7 @@ from . import drawing, files
 from .drawing import draw
 from .figure import COLOURS, Curve, prefixed
 from .motion import break_away_distance, virgin_curve
-from .page import parameter_rows, said
+from .page import said
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
             curves = [Curve("forward", position, there, COLOURS[0]), Curve("backward", position, back, COLOURS[1])]
             show("turn", "one slow revolution", curves, "position", angle, "torque of the drive", torque)
         lines = ["# " + ", ".join(e.name for e in plant.effects), "", "| parameter | value | 95 % interval | unit |"]
-        lines += ["|---|---|---|---|", *(f"| {' | '.join(row)} |" for row in parameter_rows(plant)), ""]
+        lines += ["|---|---|---|---|", *(f"| {' | '.join(row)} |" for row in plant.rows()), ""]
         lines += [f"**{key.replace('_', ' ')}:** {said(value)}\n" for key, value in plant.provenance.items()]
         stream.log("parameters/text", rr.TextDocument("\n".join(lines), media_type="text/markdown"), static=True)
         text = rrb.TextDocumentView(origin="parameters/text", name="parameters")

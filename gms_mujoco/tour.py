@@ -16,7 +16,7 @@ from .compare_frf import decibel, degrees, turned
 from .drawing import BOX, draw, labels, part, rgb, say, series, text
 from .figure import COLOURS, Band, Curve, worst_stretch
 from .motion import break_away_distance, virgin_curve
-from .page import RESIDUAL, friction, parameter_rows, percent, telling, worst_first
+from .page import RESIDUAL, friction, percent, telling, worst_first
 from .report import VERDICTS, score_of, step_names
 from .tour_servo import servo_baseline, servo_run
 
@@ -117,7 +117,7 @@ def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -
     lines += ["| regime of friction | of the time | error | noise |", "|---|---|---|---|"]
     lines += [f"| {g.name} | {percent(g.time_share)} | {percent(g.error)} | {percent(g.floor)} |" for g in c.regimes]
     lines += ["", "| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in parameter_rows(diagnosis.baseline)]
+    lines += [f"| {' | '.join(row)} |" for row in diagnosis.baseline.rows()]
     say(stream, "baseline", lines)
     span = max(float(np.ptp(r.position)) for r in c.records)
     if span > 0:
@@ -193,7 +193,7 @@ def _added(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], k: 
     if step.get("confusable_with"):
         lines += [f"These records cannot tell it from {', '.join(step['confusable_with'])}.", ""]
     lines += ["| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
-    lines += [f"| {' | '.join(r)} |" for r in parameter_rows(last.plant) if r[0].startswith(f"{step['effect']}.")]
+    lines += [f"| {' | '.join(r)} |" for r in last.plant.rows() if r[0].startswith(f"{step['effect']}.")]
     lines += ["", *(f"**{n}:** {c.where.replace(chr(10), '; ')}.\n" for n, c, _ in models[k - 1 : k + 1] if c.where)]
     say(stream, root, lines)
     if not last.timed:

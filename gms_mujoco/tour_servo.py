@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from . import drawing
 from .drawing import draw, part, say, series, text
 from .figure import COLOURS, Curve
-from .page import parameter_rows, percent, worst_first
+from .page import percent, worst_first
 from .page_servo import GOAL
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def servo_baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnos
     lines += ["| regime | of the time | error | noise |", "|---|---|---|---|"]
     lines += [f"| {g.name} | {percent(g.time_share)} | {told(g.error)} | {told(g.floor)} |" for g in c.regimes]
     lines += ["", "| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in parameter_rows(diagnosis.baseline)]
+    lines += [f"| {' | '.join(row)} |" for row in diagnosis.baseline.rows()]
     say(stream, "baseline", lines)
     worst = c.servos[worst_first(c)[0]]
     curves = [

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from test_report import _sound
 
-from gms_mujoco import page, report
+from gms_mujoco import report
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import load
 from gms_mujoco.diagnose import Diagnosis
@@ -18,7 +18,7 @@ def test_the_page_of_a_diagnosis_shows_goal_measured_and_model(servo_diagnosis: 
     assert "orque error" not in text and "0.99 %" not in text
     for r in servo_diagnosis.comparisons[0].servos:
         assert r.name in text
-    for name, *_ in page.parameter_rows(servo_diagnosis.plant):
+    for name, *_ in servo_diagnosis.plant.rows():
         assert name in text
 
 

@@ -100,3 +100,23 @@ def test_a_plant_of_the_package_is_known_by_its_name():
         assert Plant.load(file).provenance["source"], "every number says where it comes from"
     with pytest.raises(ModelError, match=r"plants that come with the package are .*servo_axis"):
         Plant.load("servo_axes")
+
+
+def test_parameters_show_their_interval_and_unit() -> None:
+    plant = Plant.axis(2.0, "slide") + effects.find("coulomb")(coulomb=20.0)
+    intervals = {"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}
+    rows = replace(plant, uncertainty=intervals).rows()
+    assert rows == [("inertia", "2", "undetermined", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
+
+
+def test_printed_it_is_a_table_and_no_covariance() -> None:
+    told = replace(PLANT, uncertainty={"gms.coulomb": (4e-3, 5e-3)}, covariance={"gms.coulomb": (1e-8,)})
+    lines = str(told).splitlines()
+    assert len(lines) == len(told.numbers()) and "[0.004, 0.005]" in str(told)
+    assert "covariance" not in repr(told) and "GMS(" in repr(told)
+
+
+def test_an_effect_with_one_element_shows_its_interval() -> None:
+    plant = Plant.axis(1.0) + effects.find("cogging")(harmonics=[5], amplitude=[0.2], phase=[0.1])
+    rows = replace(plant, uncertainty={"cogging.amplitude": (0.1, 0.3)}).rows()
+    assert ("cogging.amplitude", "0.2", "[0.1, 0.3]", "N m") in rows

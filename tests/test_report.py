@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from told import Told, tell
 
-from gms_mujoco import effects, page, report
-from gms_mujoco.plant import Plant
+from gms_mujoco import page, report
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def test_the_page_of_a_diagnosis_tells_everything(told: Told) -> None:
         assert said in text
     for c in told.comparisons:
         assert c.where.splitlines()[0] in text
-    for name, *_ in page.parameter_rows(told.plant):
+    for name, *_ in told.plant.rows():
         assert name in text
 
 
@@ -55,16 +54,3 @@ def test_a_diagnosis_without_validate_records_has_a_page(told: Told) -> None:
     table = {**told.table, "steps": [{**s, "validate_error": None} for s in told.table["steps"]]}
     text = report.render(replace(told, comparisons=(), table=table))
     assert "none was held out" in text and "Where it fails" not in text
-
-
-def test_parameters_show_their_interval_and_unit() -> None:
-    plant = Plant.axis(2.0, "slide") + effects.find("coulomb")(coulomb=20.0)
-    intervals = {"coulomb.coulomb": (19.0, 21.0), "inertia": (1e-300, 1e300)}
-    rows = page.parameter_rows(replace(plant, uncertainty=intervals))
-    assert rows == [("inertia", "2", "undetermined", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
-
-
-def test_an_effect_with_one_element_shows_its_interval() -> None:
-    plant = Plant.axis(1.0) + effects.find("cogging")(harmonics=[5], amplitude=[0.2], phase=[0.1])
-    rows = page.parameter_rows(replace(plant, uncertainty={"cogging.amplitude": (0.1, 0.3)}))
-    assert ("cogging.amplitude", "0.2", "[0.1, 0.3]", "N m") in rows
