@@ -270,7 +270,8 @@ def _record(
             kept = timing.within(signals["time"], span)
             signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
             table = table.rows(kept)
-        notes = [read, plausible.trimmed(signals)]
+        ends, note = plausible.trimmed(signals)
+        table, notes = table.rows(ends), [read, note]
         columns.check(table, signals)
         for key in [k for k in signals if k.startswith("position")]:
             if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":

@@ -26,25 +26,27 @@ _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is 
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
 
 
-def trimmed(columns: dict[str, Array]) -> str | None:
-    """Leaves out rows at the start and the end that are not all numbers, in place; a sentence where it did.
+def trimmed(columns: dict[str, Array]) -> tuple[slice, str | None]:
+    """Leaves out rows at the start and the end that are not all numbers, in place; those left, and a sentence where
+    there are others.
 
     A logger that stops in the middle of a row, or starts before all its sources do, writes such rows. Those in the
     middle stay: nobody knows what happened there.
     """
     lengths = {len(c) for c in columns.values()}
+    everything = slice(None)
     if len(lengths) != 1:
-        return None
+        return everything, None
     whole = np.flatnonzero(np.all([np.isfinite(c) for c in columns.values()], axis=0))
     n = lengths.pop()
     if not len(whole) or len(whole) == n:
-        return None
+        return everything, None
     first, last = int(whole[0]), int(whole[-1]) + 1
     if (first, last) == (0, n) or first + n - last > n // 10:
-        return None
+        return everything, None
     for key, value in columns.items():
         columns[key] = value[first:last]
-    return f"{first} samples at the start and {n - last} at the end are not all numbers: left out"
+    return slice(first, last), f"{first} samples at the start and {n - last} at the end are not all numbers: left out"
 
 
 def unwrapped(position: Array, what: str = "position") -> tuple[Array, str | None]:

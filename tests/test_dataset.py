@@ -276,6 +276,12 @@ def test_value_that_is_not_finite_names_the_line(value: float, tmp_path: Path) -
     refuses(tmp_path, AXIS + RECORD, "run.csv", "line 9", "torque", **{**RUN, "torque": torque})
 
 
+def test_the_line_of_a_mistake_is_right_after_rows_were_left_out(tmp_path: Path) -> None:
+    torque = RUN["torque"].copy()
+    torque[[0, 1, 2, 100]] = np.nan
+    refuses(tmp_path, AXIS + RECORD, "line 102", "torque is nan", **{**RUN, "torque": torque})
+
+
 def test_missing_column_lists_the_columns(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "run.csv", "'torque'", "effort", time=TIME, effort=TIME, position=TIME)
 

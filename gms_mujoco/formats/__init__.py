@@ -71,11 +71,14 @@ class Table:
             raise DataError(f"the file has {len(found)} episodes, {some}: {asked}")
         return self.rows(index == number)
 
-    def rows(self, here: NDArray[np.bool_]) -> Table:
-        """Some of the rows; columns of another length stay."""
-        columns = {k: v[here] if len(v) == len(here) else v for k, v in self.columns.items()}
-        lines = self.lines[here] if self.lines is not None and len(self.lines) == len(here) else self.lines
-        return replace(self, columns=columns, lines=lines)
+    def rows(self, here: NDArray[np.bool_] | slice) -> Table:
+        """Some of the rows; of a mask, columns of another length stay."""
+
+        def some(v: NDArray[Any]) -> NDArray[Any]:
+            return v[here] if isinstance(here, slice) or len(v) == len(here) else v
+
+        columns = {k: some(v) for k, v in self.columns.items()}
+        return replace(self, columns=columns, lines=None if self.lines is None else some(self.lines))
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
