@@ -137,13 +137,13 @@ class Search:
             rough.append((c.effect.name, *self._tried(current, c)))
         rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
         rough.sort(key=lambda t: left_of(t[1], t[2]))
-        if self._simulated:
+        if self.simulated:
             # A few runs that fall to the other side may carry a fit, and hold nowhere else: what passes the test of the
             # screen is refitted before what fits best.
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
-        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self._simulated)):
+        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
             if i == 0 and result.error > AT_FLOOR * result.floor:
@@ -392,13 +392,13 @@ class Search:
         return min(fits, key=lambda t: t[0].cost(t[1]))
 
     @property
-    def _simulated(self) -> bool:
+    def simulated(self) -> bool:
         """Whether whole motions are simulated, and nothing is replayed along a measured one."""
         return any(isinstance(o, ServoObservation) for o in self.seen)
 
     def _begun(self, plant: Plant, some: Sequence[Seen]) -> tuple[Misfit, Array]:
         """A rough fit with an effect that is strong: from the beginning, or of a servo, which bends less, from here."""
-        if not self._simulated:
+        if not self.simulated:
             return rough_fit(self._fresh(plant), some)
         misfit = Misfit(plant, some)
         return misfit, nudge(misfit, misfit.vector(plant))
