@@ -85,3 +85,10 @@ def test_the_elements_of_a_separable_effect_add_up_to_it(effect: type) -> None:
     np.testing.assert_allclose(parts.sum(1), torque, atol=1e-12 * LEVEL)
     other = joint.elements(0, *motion, memory=np.append(memory[0], -memory[1:]))
     np.testing.assert_array_equal(other[:, 0], parts[:, 0])  # none knows of the others
+
+
+def test_no_plant_has_more_behind_a_coupling_than_its_inertia(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    misfit, *_ = problem
+    coupling = MANY["flexible_coupling"]
+    impossible = misfit.vector(MANY.replace(coupling.replace(inertia=1.01 * J)))
+    assert misfit.cost(impossible) > 1e5 * misfit.cost(misfit.vector(MANY.replace(coupling.replace(inertia=0.99 * J))))

@@ -240,3 +240,9 @@ def test_an_effect_at_the_end_of_its_range_or_a_resonance_without_one_is_not_wha
     assert not is_possible(coupling(inertia=1e-5, frequency=1, damping=5))
     assert is_possible(effects.Backlash(inertia=1e-5, gap=0.01, frequency=100, damping=1))
     assert is_possible(effects.Cogging(harmonics=[2, 3], amplitude=[1, 2], phase=[0, 0]))
+
+
+def test_a_load_that_joins_a_plant_is_less_than_its_inertia() -> None:
+    load = effects.find("flexible_coupling")(inertia=3 * J, frequency=50.0)
+    assert 0 < joined(HEALTHY, load).driven_inertia < J
+    assert joined(HEALTHY, load.replace(inertia=0.2 * J))["flexible_coupling"].inertia == 0.2 * J
