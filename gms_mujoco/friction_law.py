@@ -120,10 +120,11 @@ def with_law(plant: Plant, law: Effect) -> Plant:
 def would_be_better(search: Search) -> str:
     """That another law in the place of that of the last plant would leave much less of the torque; else nothing."""
     last = search.steps[-1].result
-    laws = choices(last.plant) if search.timed else ()
+    above = last.error**2 - last.floor**2
+    laws = choices(last.plant) if search.timed and above > 0 else ()
     for law in laws[1:]:
         other = fit_observations(with_law(last.plant, law), last.misfit.observations)
-        if other.error**2 - last.floor**2 <= _MUCH * (last.error**2 - last.floor**2):
+        if other.error**2 - last.floor**2 <= _MUCH * above:
             return (
                 f"friction is better described by {law.name} in the place of {laws[0].name}: "
                 f"{100 * other.error:.2f} % of the torque would be left instead of {100 * last.error:.2f} %"
