@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,6 +29,8 @@ from .score import Score, relative_error
 from .screen import Screen
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
+
+_NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
 @dataclass(frozen=True)
@@ -274,12 +277,13 @@ def _conclude(
     steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, said: tuple[str, ...]
 ) -> Diagnosis:
     last = steps[-1].result
-    at_floor = search.at_floor and _holds([s.comparison for s in steps if s.comparison is not None])
+    holds = _holds([s.comparison for s in steps if s.comparison is not None])
+    at_floor = search.at_floor and holds
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
     if not at_floor:
-        said = (describe(last.misfit, last.vector), *said, _other_curve(search))
+        said = (describe(last.misfit, last.vector), "" if holds else _elsewhere(steps[-1]), *said, _other_curve(search))
         remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
@@ -323,14 +327,21 @@ def _with_shapes(
 
 
 def _holds(comparisons: Sequence[Comparison]) -> bool:
-    """Whether the last plant is as good on new records as those before it, or at the noise floor.
+    """Whether the last plant is as good on new records as those before it and near the noise floor, or at it.
 
     What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to.
     """
-    if len(comparisons) < 2:
+    if not comparisons:
         return True
-    best = min(c.error for c in comparisons[:-1])
-    return comparisons[-1].error <= max(best, AT_FLOOR * comparisons[-1].noise_floor)
+    *before, last = comparisons
+    most = min(_NEAR_FLOOR * last.noise_floor, *(c.error for c in before), math.inf)
+    return last.error <= max(most, AT_FLOOR * last.noise_floor)
+
+
+def _elsewhere(step: Step) -> str:
+    """What is left of the records that were not fitted."""
+    c = step.comparison
+    return f"{c.score.told(c.error)} of the records that were not fitted" if c else ""
 
 
 def _other_curve(search: Search) -> str:

@@ -203,13 +203,12 @@ class ServoObservation:
 
 def rows_of(error: Array) -> Array:
     """Rows of least squares for errors of the position [rad]."""
-    square = 2 * _LARGE**2 * (np.sqrt(1 + (error / _LARGE) ** 2) - 1)
-    return np.copysign(np.sqrt(square), error)
+    return np.asarray(error * np.sqrt(2 / (np.sqrt(1 + (error / _LARGE) ** 2) + 1)))
 
 
 def errors_of(rows: Array) -> Array:
     """The errors of the position that rows stand for [rad]."""
-    return np.copysign(_LARGE * np.sqrt((rows**2 / (2 * _LARGE**2) + 1) ** 2 - 1), rows)
+    return np.asarray(rows * np.sqrt(rows**2 / (2 * _LARGE) ** 2 + 1))
 
 
 def observe_servos(runs: Sequence[ServoRun]) -> list[ServoObservation]:

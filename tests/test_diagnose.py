@@ -135,6 +135,7 @@ def test_validate_records_decide_nothing(found: dict[str, Diagnosis]) -> None:
         assert [(c.effect, c.p_value) for c in d.candidates] == [(c.effect, c.p_value) for c in told.candidates]
     assert alone.verdict == told.verdict == "explained"
     assert other.steps[-1].validate_error > 10 * told.steps[-1].validate_error
+    assert other.verdict == "partly_explained" and "of the records that were not fitted" in other.remainder
     assert all(s.validate_error is None for s in alone.steps)
     assert all(c.validate_error is None for c in alone.candidates)
 

@@ -35,7 +35,7 @@ def test_load_dependence_is_told_where_the_load_differs_at_the_same_speed(load: 
     first = search.steps[-1].result
     result = fit_observations(first.plant + effects.LoadDependentFriction(coefficient=0.1), search.seen)
     assert result.plant[name].coefficient == pytest.approx(C, rel=0.1) and result.error < 0.5 * first.error
-    p = search._beyond_speed(name, result)
+    p = search._beyond_speed(first, name, result)
     assert p < 1e-4 if told else p > 0.05
 
 
