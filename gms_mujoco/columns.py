@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import formats, units
 from .errors import DataError, listing
-from .record import UNITS
+from .record import UNITS, USES
 
 Array = NDArray[np.float64]
 
@@ -222,6 +222,21 @@ def expect_known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -
     for key in table:
         if key not in names:
             raise DataError(f"unknown key {where}{key}; expected {listing(names)}")
+
+
+def file_and_use(entry: Mapping[str, Any], keys: tuple[str, ...], where: str) -> tuple[str, str]:
+    """The file that an entry of `dataset.toml` names, and what it is for: "fit" where it does not say.
+
+    Raises:
+        DataError: a key that is none of `keys`, no file, or a use that does not exist.
+    """
+    expect_known(entry, keys, f"{where}: ")
+    name, use = entry.get("file"), entry.get("use", "fit")
+    if not isinstance(name, str) or not name:
+        raise DataError(f"{where}: file must be the name of a file; {name!r} given")
+    if use not in USES:
+        raise DataError(f"{where} ({name}): use must be one of {listing(USES)}; {use!r} given")
+    return name, use
 
 
 def number(table: Mapping[str, Any], key: str, where: str, unit: str) -> Any:

@@ -18,7 +18,7 @@ from .columns import expect_known, number, subtable
 from .errors import DataError, listing
 from .frf import FRF, INPUTS, response_unit
 from .measured_axis import Axis, joint_names
-from .record import USES, Record
+from .record import USES, Record, told_uses
 from .servo_run import CONTROLLERS, ServoRun
 
 Array = NDArray[np.float64]
@@ -221,20 +221,12 @@ def _record(
     key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
 ) -> tuple[Record, dict[str, Array], list[str]]:
     """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each."""
-    expect_known(entry, _KEYS["record"], f"{key}: ")
-    name = entry.get("file")
-    if not isinstance(name, str) or not name:
-        raise DataError(f"{key}: file must be the name of a file; {name!r} given")
-    use = entry.get("use", "fit")
-    if use not in USES:
-        raise DataError(f"{key} ({name}): use must be one of {listing(USES)}; {use!r} given")
+    name, use = columns.file_and_use(entry, _KEYS["record"], key)
     if not os.path.isfile(folder / name):
         raise DataError(f"{key}: no such file: {name}")
     table = formats.read(folder / name)
     try:
         episode = entry.get("episode")
-        if episode is not None and (isinstance(episode, bool) or not isinstance(episode, int)):
-            raise DataError(f"episode must be a whole number; {episode!r} given")
         table = table.episode(episode)
         chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
         if len(axis.names) > 1 and entry.get("joint") is None:
@@ -311,10 +303,7 @@ def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
         every = 3 if len(records) > 2 else 2
         records = [replace(r, use="validate" if i % every == every - 1 else "fit") for i, r in enumerate(records)]
         given = f"no use was given: every {'third' if every == 3 else 'second'} record validates, the others fit"
-    if not any(r.use == "fit" for r in records):
-        raise DataError('no record has use = "fit"; nothing could be identified')
-    counts = [f"{n} to {use}" for use in USES if (n := sum(r.use == use for r in records))]
-    return records, f"records: {', '.join(counts)} ({given})"
+    return records, told_uses([r.use for r in records], given)
 
 
 def _split_frfs(frfs: tuple[FRF, ...]) -> tuple[tuple[FRF, ...], str]:
@@ -333,14 +322,8 @@ def _split_frfs(frfs: tuple[FRF, ...]) -> tuple[tuple[FRF, ...], str]:
 
 def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:
     key = f"frf {i}"
-    expect_known(entry, _KEYS["frf"], f"{key}: ")
-    name = entry.get("file")
-    if not isinstance(name, str) or not name:
-        raise DataError(f"{key}: file must be the name of a file; {name!r} given")
+    name, use = columns.file_and_use(entry, _KEYS["frf"], key)
     try:
-        use = entry.get("use", "fit")
-        if use not in USES:
-            raise DataError(f"use must be one of {listing(USES)}; {use!r} given")
         for side, example in (("input", "torque"), ("output", "position")):
             if not isinstance(entry.get(side), str):
                 raise DataError(f'{side} must be given, as in {side} = "{example}"; {entry.get(side)!r} given')

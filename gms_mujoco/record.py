@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -114,3 +114,15 @@ class Record:
         """Samples `start` to `stop` as a record of their own."""
         cut = {k: v[start:stop] for k, v in self.signals.items()}
         return replace(self, time=self.time[start:stop], signals=cut, **changes)  # type: ignore[arg-type]
+
+
+def told_uses(uses: Sequence[str], given: str) -> str:
+    """The sentence on what the records of a set are for, and who decided it.
+
+    Raises:
+        DataError: none is fitted.
+    """
+    if "fit" not in uses:
+        raise DataError('no record has use = "fit"; nothing could be identified')
+    counts = [f"{n} to {use}" for use in USES if (n := sum(u == use for u in uses))]
+    return f"records: {', '.join(counts)} ({given})"

@@ -33,7 +33,7 @@ from . import columns as named
 from . import formats
 from .columns import expect_known, subtable
 from .errors import DataError, listing
-from .record import USES
+from .record import USES, told_uses
 
 Array = NDArray[np.float64]
 
@@ -152,20 +152,11 @@ def read_all(entries: Sequence[Mapping[str, Any]], folder: Path) -> tuple[tuple[
         chosen = {i for k, group in enumerate(motions) if k % every == every - 1 for i in group}
         runs = [replace(r, use="validate" if i in chosen else "fit") for i, r in enumerate(runs)]
         said = f"no use was given: every {'third' if every == 3 else 'second'} motion validates with its repetitions"
-    if not any(r.use == "fit" for r in runs):
-        raise DataError('no record has use = "fit"; nothing could be identified')
-    counts = [f"{n} to {use}" for use in USES if (n := sum(r.use == use for r in runs))]
-    return tuple(runs), f"records: {', '.join(counts)} ({said})"
+    return tuple(runs), told_uses([r.use for r in runs], said)
 
 
 def _from_entry(key: str, entry: Mapping[str, Any], folder: Path) -> ServoRun:
-    expect_known(entry, _KEYS, f"{key}: ")
-    name = entry.get("file")
-    if not isinstance(name, str) or not name:
-        raise DataError(f"{key}: file must be the name of a file; {name!r} given")
-    use = entry.get("use", "fit")
-    if use not in USES:
-        raise DataError(f"{key} ({name}): use must be one of {listing(USES)}; {use!r} given")
+    name, use = named.file_and_use(entry, _KEYS, key)
     try:
         layout: dict[str, Any] = {k: subtable(entry, k) for k in ("columns", "units", "scale")}
         header = {k: entry[k] for k in _BAM_HEADER if k in entry}
@@ -204,11 +195,9 @@ def read_run(
     path = Path(path)
     if not path.is_file():
         raise DataError(f"{path}: no such file")
-    if episode is not None and (isinstance(episode, bool) or not isinstance(episode, int)):
-        raise DataError(f"{path}: episode must be a whole number; {episode!r} given")
-    table = formats.read(path).episode(episode)
-    values = _header(path, header)
+    table, values = formats.read(path), _header(path, header)
     try:
+        table = table.episode(episode)
         found = _signals(table, columns or {})
         for key in {**(units or {}), **(scale or {})}:
             if key not in ("time", "goal", "position"):

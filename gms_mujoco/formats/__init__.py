@@ -55,8 +55,10 @@ class Table:
         """The rows of one episode, by the column "episode_index" of a robot's data set; itself where there is but one.
 
         Raises:
-            DataError: there is no such episode, or there are several and none is chosen.
+            DataError: no whole number, there is no such episode, or there are several and none is chosen.
         """
+        if number is not None and (isinstance(number, bool) or not isinstance(number, int)):
+            raise DataError(f"episode must be a whole number; {number!r} given")
         index = self.columns.get(EPISODE)
         if index is None:
             if number is None:
