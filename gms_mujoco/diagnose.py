@@ -198,6 +198,8 @@ def diagnose(
     report = progress or (lambda done, message: None)
     if not runs.fit:
         raise DataError('no fit records; mark some with use = "fit"')
+    if candidates and runs.controller:
+        raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
     report(0.0, "looking at the records")
@@ -234,8 +236,6 @@ def diagnose(
     said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, said)
     if candidates:
-        if runs.controller:
-            raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")

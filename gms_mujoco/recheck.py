@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import effects
 from .fit import FitResult, refine
 from .held_out import HeldOut, p_value, scatter
-from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, Trial, carries, residual_of, simplest, without
+from .judgement import FALSE_DISCOVERY_RATE, Trial, carries, residual_of, simplest, without
 from .misfit import Misfit
 from .plant import Plant
 from .screen import Screen, cross_validated
@@ -65,9 +65,7 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
         plant = plant + other.result.plant[other.name]
         more = Misfit(plant, misfit.observations)
         misfit, x = more, more.vector(plant, misfit.memories(x, more.n_memory))
-    result = refine(misfit, x)
-    if result.error > AT_FLOOR * result.floor:
-        result = min(result, search.afresh(result.plant), key=lambda r: r.error)
+    result = search.best(refine(misfit, x))
     return Trial(other.name, result, cross_validated(result.misfit, result.vector))
 
 

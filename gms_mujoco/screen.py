@@ -573,9 +573,14 @@ def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
     return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])
 
 
-# Laws of which `gms` and `lugre` are the general forms: beside them they have nothing of their own to add. These two
-# are no small change of anything else, and a plant without them was chosen so.
-_SPECIAL_LAWS = ("coulomb", "stribeck", "dahl", "lugre", "gms")
+def _laws_aside(plant: Plant) -> tuple[str, ...]:
+    """Laws of friction that are no candidates beside those of a plant.
+
+    `gms` and `lugre` are general forms: beside them the others have nothing of their own to add. These two are no small
+    change of anything else, and a plant without them was chosen so.
+    """
+    general = ("gms", "lugre")
+    return (*general, "coulomb", "stribeck", "dahl") if any(name in plant for name in general) else general
 
 
 # Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what
@@ -596,8 +601,7 @@ def _on_servos(plant: Plant) -> list[type[Effect]]:
     Not those that need a temperature, or that put a part of the inertia behind a coupling.
     """
     known = [e for e in effects.CATALOGUE.values() if e.is_native and (e.name not in plant or grows(e))]
-    contained = _SPECIAL_LAWS if "gms" in plant or "lugre" in plant else ("gms", "lugre")
-    known = [e for e in known if e.name not in (*contained, "thermal_drift")]
+    known = [e for e in known if e.name not in (*_laws_aside(plant), "thermal_drift")]
     known = [e for e in known if not any(p.unit == "kg m^2" for p in e.parameters)]
     return known + [effects.find(n) for n in _ON_GOALS if n not in plant]
 
@@ -610,7 +614,7 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
     """
     if any(isinstance(o, ServoObservation) for o in observations):
         return _on_servos(plant)
-    contained = _SPECIAL_LAWS if "gms" in plant or "lugre" in plant else ("gms", "lugre")
+    contained = _laws_aside(plant)
     if observations and all(isinstance(o, FrfObservation) for o in observations):
         sizes = np.abs(np.concatenate([o.torque for o in observations if isinstance(o, FrfObservation)]))
         one_level = sizes.max() < 2 * sizes.min()  # a limit is then a gain like any other

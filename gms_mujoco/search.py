@@ -145,9 +145,9 @@ class Search:
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
         for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
-            result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
-            if i == 0 and result.error > AT_FLOOR * result.floor:
-                result = min(result, self.afresh(result.plant), key=_error)
+            result = self._refitted(misfit, x)
+            if i == 0:
+                result = self.best(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
@@ -261,13 +261,10 @@ class Search:
                 if t.name == name:
                     return t.result
             misfit, x = fits[name]
-            return refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+            return self._refitted(misfit, x)
 
         base = whole(first)
-        misfit, x = self._tried(base, other)
-        result = refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
-        if result.error > AT_FLOOR * result.floor:
-            result = min(result, self.afresh(result.plant), key=_error)
+        result = self.best(self._refitted(*self._tried(base, other)))
         held_out = cross_validated(result.misfit, result.vector)
         singles = []
         for name, left in ((first, second), (second, first)):
@@ -435,9 +432,18 @@ class Search:
                 fresh = fresh.replace(e)
         return fresh
 
-    def afresh(self, near: Plant) -> FitResult:
-        """The same joint fit from the beginning: a plant that has bent far to hide an effect may not find back."""
-        return fit_observations(self._fresh(near), self.seen)
+    def _refitted(self, misfit: Misfit, x: Array) -> FitResult:
+        """A rough joint fit, made on some of the observations, taken to its end on all."""
+        return refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+
+    def best(self, result: FitResult) -> FitResult:
+        """The same joint fit, or above the noise floor that from the beginning where it leaves less.
+
+        A plant that has bent far to hide an effect may not find back.
+        """
+        if result.error <= AT_FLOOR * result.floor:
+            return result
+        return min(result, fit_observations(self._fresh(result.plant), self.seen), key=_error)
 
     def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
