@@ -10,9 +10,9 @@ from . import effects
 from .effect import Effect
 from .errors import ModelError
 from .fit import FitResult, Progress, fit_observations
+from .linear_model import cross_validated
 from .observe import Data, driven, observe
 from .plant import Plant
-from .screen import cross_validated
 
 COUNTS = (1, 2, 3, 4, 6, 8)
 

@@ -9,8 +9,8 @@ from .effect import Effect
 from .fit import FitResult, fit_observations
 from .held_out import HeldOut, p_value
 from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of
+from .linear_model import cross_validated
 from .plant import Plant
-from .screen import cross_validated
 from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets

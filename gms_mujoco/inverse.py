@@ -181,10 +181,6 @@ class Observation:
     def _openings(self) -> dict[int, Observation]:
         return {}
 
-    def settled(self, plant: Plant) -> Observation:
-        """Itself: nothing about it depends on a plant."""
-        return self
-
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""
         signals = {**self.record.signals, "position": position}

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .candidates import absent, is_possible, is_present
 from .effect import Effect
 from .fit import FitResult
 from .held_out import HeldOut, p_value
+from .linear_model import LinearModel, determined
 from .misfit import Misfit
-from .screen import LinearModel, absent, determined, is_possible, is_present
 from .speed_curve import curve
 
 Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .misfit import ROUNDING, Misfit, squared
-from .tall import gram
+from .misfit import ROUNDING, Misfit
+from .tall import gram, squared
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinates
+from .first_state import search_state
 from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
 from .inverse import Observation
@@ -22,6 +23,7 @@ from .scales import Scales
 from .servo_observation import ServoObservation
 from .servo_starts import untold
 from .starts import visible_limits
+from .tall import squared
 from .threads import each
 
 Array = NDArray[np.float64]
@@ -31,11 +33,9 @@ ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by le
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
-_OPENING = 2.0  # s of a record from which the states before it are guessed
 _SKEW = 0.1  # of a sample
 _EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
 _IMPOSSIBLE = 1e3  # times the torque
-_LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 
 
 class Misfit:
@@ -156,9 +156,6 @@ class Misfit:
     def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them; and motions of frequency
         responses with the harmonics that they have at `x`.
-
-        An element forgets its state when it first slips, so the cost has flat parts and steps where a gradient
-        is blind; a coarse search per element is not. The opening of a record is enough for it.
         """
         x = x.copy()
         plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
@@ -168,37 +165,10 @@ class Misfit:
         def one(i: int) -> None:
             memory = self.memory(x, i)  # a view into x
             if memory is not None:
-                self._search(self.observations[i].opening(_OPENING), plant, skew, memory)
+                search_state(self.observations[i], plant, skew, memory)
 
         each(one, range(len(self.observations)))
         return x
-
-    def _search(self, o: Seen, plant: Plant, skew: float, memory: Array) -> None:
-        """Puts better states into `memory` (n_memory,), one after the other."""
-        applied = o.applied(plant, skew)
-        lasting = [name for name, place in plant.memory_places.items() if place.stop > place.start]
-        if isinstance(o, Observation) and all(plant[name].separable for name in lasting):
-            # What an element does at each level does not depend on the others.
-            torques, known = _at_levels(o, plant, lasting, memory)
-            left = applied - known
-            best = squared(left)
-            now = torques[-1].copy()
-            for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
-                for k in range(self.n_memory):
-                    trial = left + (torques[level][k] - now[k])
-                    cost = squared(trial)
-                    if cost < best:
-                        best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
-            return
-        best = squared(applied - o.needed(plant, memory))
-        for level in (*_LEVELS, *_LEVELS):
-            for k in range(self.n_memory):
-                kept, memory[k] = memory[k], level
-                cost = squared(applied - o.needed(plant, memory))
-                if cost < best:
-                    best = cost
-                else:
-                    memory[k] = kept
 
     def residual(self, x: Array) -> Array:
         """(m,) applied torque minus the torque the plant needs, over all observations [N m].
@@ -456,31 +426,6 @@ class Misfit:
         """Size at which each linear coordinate matters, from its unit."""
         scales = Scales.of(self.observations)
         return np.array([scales[b.parameter.unit] for b in self.coordinates.blocks for _ in range(b.size)])
-
-
-def _at_levels(o: Observation, plant: Plant, names: Sequence[str], memory: Array) -> tuple[Array, Array]:
-    """Torque of each element of separable effects, those of `names`, on the instants that `memory` needs.
-
-    Returns:
-        (levels + 1, n_memory, m) for each of _LEVELS before the record, then for `memory`; and the (m,) torque that the
-        plant needs for `memory`.
-    """
-    grid = o.grid(plant, memory)
-    out = np.empty((len(_LEVELS) + 1, len(memory), len(o.index)))
-    for name in names:
-        part, place = plant.part(name), plant.memory_places[name]
-        native = [e.name for e in part.effects if e.is_native]
-        own = part.memory_places[name]
-        before = np.zeros(part.joint().n_memory)
-        for i, row in enumerate(out):
-            before[own] = _LEVELS[i] if i < len(_LEVELS) else memory[place]
-            row[place] = o.elements(part, part.joint(), native.index(name), before, grid)
-    return out, o.needed(plant, memory, grid)
-
-
-def squared(r: Array) -> float:
-    """r @ r, without the threads of a BLAS, which cost more than they bring at this size."""
-    return float(np.einsum("i,i", r, r))
 
 
 def _lesser(a: Array, b: Array) -> Array:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from .effect import Effect
 from .least_squares import nudge
+from .linear_model import LinearModel
 from .misfit import Misfit
 from .parameter import Parameter
-from .screen import LinearModel
 from .tall import gram
 
 Array = NDArray[np.float64]

@@ -13,9 +13,10 @@ from . import effects
 from .fit import FitResult, refine
 from .held_out import HeldOut, p_value, scatter
 from .judgement import FALSE_DISCOVERY_RATE, Trial, carries, residual_of, simplest, without
+from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
-from .screen import Screen, cross_validated
+from .screen import Screen
 from .search import Search, Step
 
 Array = NDArray[np.float64]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
+from .candidates import applicable, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import FitResult, Progress, acting_early, fewer, fit_observations, refine, rough_fit
@@ -35,10 +36,11 @@ from .judgement import (
     without,
 )
 from .least_squares import nudge
+from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .reading import TorqueReading, rung
-from .screen import Candidate, Screen, applicable, cross_validated, joined
+from .screen import Candidate, Screen
 from .servo_observation import ServoObservation
 
 Array = NDArray[np.float64]

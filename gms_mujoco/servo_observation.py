@@ -155,10 +155,6 @@ class ServoObservation:
         """Itself."""
         return self
 
-    def settled(self, plant: Plant) -> ServoObservation:
-        """Itself."""
-        return self
-
     def seen_by(self, plant: Plant) -> ServoObservation:
         """Itself."""
         return self

@@ -25,3 +25,8 @@ def gram(a: Array, b: Array) -> Array:
 def times(a: Array, b: Array) -> Array:
     """a @ b for a (m, p) and b (p, q) or (p,)."""
     return np.concatenate([a[i : i + _ROWS] @ b for i in range(0, len(a), _ROWS)])
+
+
+def squared(r: Array) -> float:
+    """r @ r of a vector (m,)."""
+    return float(np.einsum("i,i", r, r))

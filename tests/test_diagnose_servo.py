@@ -10,12 +10,12 @@ import servos
 import test_compare_servo as known
 
 from gms_mujoco import cli
+from gms_mujoco.candidates import applicable
 from gms_mujoco.dataset import load, save
 from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.screen import applicable
 
 
 def test_a_hidden_delay_is_named_and_parameters_come_back(servo_diagnosis: Diagnosis) -> None:

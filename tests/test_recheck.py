@@ -12,10 +12,10 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.judgement import Trial, carries
+from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
 from gms_mujoco.recheck import exchange
 from gms_mujoco.record import Record
-from gms_mujoco.screen import cross_validated
 from gms_mujoco.search import Search, Step
 
 

@@ -1,0 +1,240 @@
+"""Candidates: the effects that could be added to a plant, and where the search for each begins.
+
+An effect that could be added has strengths, at whose zero it is absent, and other parameters, of which a grid is tried.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import effects
+from .effect import Effect
+from .frf_observation import FrfObservation, Seen
+from .inverse import Observation
+from .parameter import Parameter
+from .plant import Plant
+from .scales import Scales
+from .servo_observation import ServoObservation
+
+Array = NDArray[np.float64]
+
+_ORDERS = 48  # harmonics tried per revolution
+_RESONANCES = 10  # frequencies tried over the range of responses
+_END = 0.99  # of the most that a strength may be
+_MOST_HIDDEN = 0.8  # of the inertia
+
+
+def _laws_aside(plant: Plant) -> tuple[str, ...]:
+    """Laws of friction that are no candidates beside those of a plant.
+
+    `gms` and `lugre` are general forms: beside them the others have nothing of their own to add. These two are no small
+    change of anything else, and a plant without them was chosen so.
+    """
+    general = ("gms", "lugre")
+    return (*general, "coulomb", "stribeck", "dahl") if any(name in plant for name in general) else general
+
+
+# Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what
+# differs between the directions is in the mean and the even harmonics, while the fundamental has the mean of both.
+_NEED_RECORDS = (
+    "thermal_drift", "load_dependent_friction", "encoder_eccentricity", "position_dependent_friction",
+    "asymmetric_friction", "torque_offset",
+)  # fmt: skip
+
+
+# Drive effects that act on the goal of a servo as they act on the torque of an axis.
+_ON_GOALS = ("delay", "least_duty")
+
+
+def _on_servos(plant: Plant) -> list[type[Effect]]:
+    """The effects that could be added to a servo: those on its shaft, a delay of its goal, and a least duty.
+
+    Not those that need a temperature, or that put a part of the inertia behind a coupling.
+    """
+    known = [e for e in effects.CATALOGUE.values() if e.is_native and (e.name not in plant or grows(e))]
+    known = [e for e in known if e.name not in (*_laws_aside(plant), "thermal_drift")]
+    known = [e for e in known if not any(p.unit == "kg m^2" for p in e.parameters)]
+    return known + [effects.find(n) for n in _ON_GOALS if n not in plant]
+
+
+def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Effect]]:
+    """The effects of the catalogue that could be added to a plant.
+
+    Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
+    none that counts revolutions; and from frequency responses alone none that they cannot show.
+    """
+    if any(isinstance(o, ServoObservation) for o in observations):
+        return _on_servos(plant)
+    contained = _laws_aside(plant)
+    if observations and all(isinstance(o, FrfObservation) for o in observations):
+        sizes = np.abs(np.concatenate([o.torque for o in observations if isinstance(o, FrfObservation)]))
+        one_level = sizes.max() < 2 * sizes.min()  # a limit is then a gain like any other
+        contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
+    out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
+    out = [e for e in out if e.kind != "controller"]  # a record of torque says nothing about one
+    return [e for e in out if plant.kind == "hinge" or not has_phase(e)]
+
+
+def joined(plant: Plant, effect: Effect) -> Plant:
+    """The plant with an effect added, or with its elements added to those that the plant has of it.
+
+    A body behind a coupling is a part of the axis: it begins with at most `_MOST_HIDDEN` of what moves with the joint.
+    """
+    most = _MOST_HIDDEN * plant.driven_inertia if plant.inertia else math.inf
+    if effect.hidden_inertia > most:
+        effect = effect.replace(inertia=most)
+    return plant.replace(merged(plant[effect.name], effect)) if effect.name in plant else plant + effect
+
+
+def merged(one: Effect, other: Effect) -> Effect:
+    """An effect with the elements of both."""
+    own = {p.name for p in one.parameters if p.per_element}
+    more = {k: (*np.atleast_1d(v), *np.atleast_1d(other.values[k])) for k, v in one.values.items() if k in own}
+    return one.replace(**more)
+
+
+def grows(effect: type[Effect]) -> bool:
+    """Whether an effect is a series of harmonics, to which one more can be added."""
+    return any(p.unit == "1/rev" and p.per_element for p in effect.parameters)
+
+
+def strengths(effect: type[Effect]) -> list[Parameter]:
+    """Parameters at whose zero the effect is absent."""
+    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase"]
+
+
+def is_present(effect: Effect) -> bool:
+    """Whether an effect is more than a name: its first strength, which it is named for, has not vanished."""
+    first = strengths(type(effect))[:1]
+    return all(np.any(np.abs(np.asarray(effect.values[p.name])) > 1e-12) for p in first)
+
+
+def is_possible(effect: Effect) -> bool:
+    """Whether an effect is what it is called: not at the end of what its strengths may be, where something else would
+    want it stronger still; and a resonance that is damped so far that it is none only where its default is that."""
+    table = {p.name: p for p in effect.parameters}
+    bounded = [p for p in strengths(type(effect)) if p.upper < math.inf]
+    inside = all(np.all(np.asarray(effect.values[p.name]) < _END * p.upper) for p in bounded)
+    damping = table.get("damping")
+    return inside and (damping is None or damping.default >= 1 or float(np.ravel(effect.values["damping"])[0]) < 1)
+
+
+def absent(effect: Effect) -> Effect:
+    """The effect at strengths of zero; itself where it has none."""
+    return effect.replace(**{p.name: 0 * np.asarray(effect.values[p.name]) for p in strengths(type(effect))})
+
+
+def has_phase(effect: type[Effect]) -> bool:
+    """Whether the effect is a harmonic with a free phase: two quadratures of one strength."""
+    return any(p.name == "phase" for p in effect.parameters)
+
+
+def shapes(
+    effect: type[Effect], scales: Scales, observations: Sequence[Seen], plant: Plant | None = None
+) -> Iterator[dict[str, float]]:
+    """Values to try for the parameters that are neither strengths nor phases; no harmonic that `plant` has."""
+    grids: dict[str, Sequence[float]] = {}
+    for p in effect.parameters:
+        if p.name == "phase" or not math.isnan(p.default):
+            continue
+        values: Sequence[float] | Array = _grid(effect, p, scales, observations)
+        if plant is not None and effect.name in plant:
+            values = [v for v in values if v not in np.atleast_1d(plant[effect.name].values[p.name])]
+        grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
+    for chosen in itertools.product(*grids.values()):
+        yield dict(zip(grids, chosen, strict=True))
+
+
+def _grid(
+    effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen]
+) -> Sequence[float] | Array:
+    """What a parameter may typically be, by its unit and what the records span."""
+    span = float(np.median([np.ptp(o.position) for o in observations]))
+    if p.unit == "1/rev":
+        # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
+        # told from a spring or an offset.
+        turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
+        return [n for n in range(1 if effect.modulates else 2, _ORDERS + 1) if n * turn >= 1]
+    if p.unit == "Hz":
+        highest = max(o.bandwidth for o in observations)
+        # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
+        if any(q.unit == "rad" for q in effect.parameters):
+            return np.minimum([30.0, 60.0, 120.0], [0.3 * highest, highest, highest])
+        frfs = [o.frf.frequency for o in observations if isinstance(o, FrfObservation)]
+        if len(frfs) == len(observations):
+            return np.geomspace(1.5 * min(f[0] for f in frfs), highest / 1.5, _RESONANCES)
+        return highest * np.array([0.06, 0.12, 0.25, 0.5, 1.0])
+    if p.unit == "s":
+        return max(o.duration for o in observations) * np.array([0.05, 0.2, 0.8])
+    if p.unit == "rad":
+        finest = max(3 * max(_count(o) for o in observations), 1e-4 * span)
+        return np.geomspace(finest, max(0.1 * span, 2 * finest), 9)
+    if p.unit == "N m" and effect.kind == "drive":
+        return max(float(np.abs(o.commands).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
+    if p.unit == "N m":
+        return scales.torque * np.array([0.2, 0.6])
+    if p.unit == "N m/rad":  # of a contact: it slips after a small part of the motion
+        return scales.torque / (span * np.array([1e-4, 1e-3, 1e-2]))
+    return scales[p.unit] * np.array([0.1, 1.0, 10.0])
+
+
+def _count(o: Seen) -> float:
+    """Position of one encoder count; 0 where there is none or it is not known."""
+    return (o.record.resolution or 0.0) if isinstance(o, Observation) else 0.0
+
+
+def is_continuous(effect: type[Effect], name: str) -> bool:
+    return any(p.name == name and p.unit in ("Hz", "rad", "s") for p in effect.parameters)
+
+
+def units_of(effect: type[Effect], names: Sequence[tuple[str, float]]) -> list[str]:
+    """Unit of each strength; "" where the effect has none."""
+    table = {p.name: p.unit for p in effect.parameters}
+    return [table.get(name, "") for name, _ in names]
+
+
+def valued(effect: type[Effect], values: dict[str, float], strength: dict[str, float]) -> Effect:
+    """The effect with one element and some strengths; a parameter bounded below by one of them rises with it."""
+    bounded = {p.name: strength[p.at_least] for p in effect.parameters if p.at_least in strength}
+    given = {**values, **bounded, **strength}
+    per_element = {p.name for p in effect.parameters if p.per_element}
+    arguments: dict[str, Any] = {k: [v] if k in per_element else v for k, v in given.items()}
+    return effect(**arguments)
+
+
+def at_strengths(effect: type[Effect], shape: dict[str, float], scales: Scales) -> Iterator[Effect]:
+    """The effect at strengths that are not small: what modulates friction does then nothing like its tangent."""
+    if effect.modulates and not has_phase(effect):
+        p = strengths(effect)[0]
+        for share in (-0.3, -0.1, 0.1, 0.3):
+            value = share * scales[p.unit]
+            if p.lower <= value <= p.upper:
+                yield valued(effect, shape, {p.name: value})
+
+
+def with_strengths(
+    effect: type[Effect], shape: dict[str, float], names: Sequence[tuple[str, float]], value: Array, scales: Scales
+) -> Effect:
+    """The effect at the strengths that the linear refit found, never quite zero so that a fit can move them."""
+    found: dict[str, float] = {}
+    phase: dict[str, float] = {}
+    if has_phase(effect):
+        name = names[0][0]
+        upper = next(p.upper for p in effect.parameters if p.name == name)
+        found[name] = min(math.hypot(value[0], value[1]), upper)
+        phase["phase"] = math.atan2(value[1], value[0])
+    elif strengths(effect):
+        table = {p.name: p for p in effect.parameters}
+        for (name, _), v in zip(names, value, strict=True):
+            p = table[name]
+            least = 1e-3 * scales[p.unit]
+            found[name] = float(np.clip(v if abs(v) > least else least, p.lower, p.upper))
+            if p.at_least:
+                found[name] += found.get(p.at_least, 0.0)  # its tangent is what it is above that one
+    return valued(effect, {**shape, **phase}, found)

@@ -1,0 +1,78 @@
+"""Candidates: what a plant does not have yet, at values that the effect accepts and the motion can show."""
+
+import math
+
+import numpy as np
+from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.candidates import applicable, is_possible, is_present, joined, shapes
+from gms_mujoco.fit import fit, observe
+from gms_mujoco.plant import Plant
+from gms_mujoco.scales import Scales
+
+OBSERVED = observe(runs(HEALTHY), J)
+
+
+def test_applicable_effects_are_not_there_yet_nor_contained() -> None:
+    names = {e.name for e in applicable(HEALTHY)}
+    assert not names & {"gms", "viscous", "coulomb", "stribeck", "dahl", "lugre"}
+    assert {"cogging", "gravity", "delay", "asymmetric_friction"} <= names
+    assert "viscous" in {e.name for e in applicable(HEALTHY.without("viscous"))}
+    assert "coulomb" in {e.name for e in applicable(Plant.axis(J))}
+
+
+def test_shapes_are_values_that_the_effect_accepts() -> None:
+    scales = Scales.of(OBSERVED)
+    for name, kind in effects.CATALOGUE.items():
+        for shape in shapes(kind, scales, OBSERVED):
+            table = {p.name: p for p in kind.parameters}
+            assert all(table[k].lower <= v <= table[k].upper for k, v in shape.items()), name
+
+
+def test_harmonics_are_tried_only_where_the_motion_passes_them() -> None:
+    tried = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(OBSERVED), OBSERVED)]
+    assert tried[0] == 2 and tried == sorted(tried)
+    small = fit(UNKNOWN, runs(HEALTHY)[:1], bandwidth=100.0).misfit.observations  # pre-sliding: far from a turn
+    turn = float(np.ptp(small[0].position)) / (2 * math.pi)
+    few = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(small), small)]
+    assert all(n * turn >= 1 for n in few) and len(few) < len(tried)
+
+
+def test_an_effect_whose_strength_vanished_is_not_present() -> None:
+    assert is_present(HIDDEN["cogging"]) and not is_present(effects.Cogging(harmonics=[6]))
+    assert is_present(HIDDEN["delay"]) and not is_present(effects.Delay(time=0.0))
+
+
+def test_one_more_harmonic_is_a_candidate_and_no_other_effect_twice() -> None:
+    plant = HEALTHY + effects.Cogging(harmonics=[6], amplitude=[0.2 * LEVEL], phase=[0.4])
+    names = {e.name for e in applicable(plant + HIDDEN["gravity"])}
+    assert {"cogging", "position_dependent_friction"} <= names and "gravity" not in names
+    more = joined(plant, effects.Cogging(harmonics=[9], amplitude=[0.1 * LEVEL], phase=[1.0]))
+    assert more["cogging"].harmonics == (6.0, 9.0) and len(more.effects) == len(plant.effects)
+    tried = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(OBSERVED), OBSERVED, plant)]
+    assert 6.0 not in tried and {5.0, 7.0} <= set(tried)
+
+
+def test_candidates_for_a_gap_are_close_and_knock_hard() -> None:
+    tried = list(shapes(effects.Backlash, Scales.of(OBSERVED), OBSERVED))
+    gaps, frequencies = ({s[k] for s in tried} for k in ("gap", "frequency"))
+    assert min(gaps) >= 3 * OBSERVED[0].record.resolution and all(20 <= f <= 120 for f in frequencies)
+    # Two refinements close the steps of the grid to less than 1.3.
+    steps = np.diff(np.log(sorted(gaps)))
+    assert np.exp(steps.max()) / (1.41 * 1.19) ** 2 < 1.3
+
+
+def test_an_effect_at_the_end_of_its_range_or_a_resonance_without_one_is_not_what_it_is_called() -> None:
+    lag, coupling = effects.CurrentLoopLag, effects.FlexibleCoupling
+    assert is_possible(lag(time=0.01)) and not is_possible(lag(time=0.05))
+    assert is_possible(coupling(inertia=1e-5, frequency=30, damping=0.3))
+    assert not is_possible(coupling(inertia=1e-5, frequency=1, damping=5))
+    assert is_possible(effects.Backlash(inertia=1e-5, gap=0.01, frequency=100, damping=1))
+    assert is_possible(effects.Cogging(harmonics=[2, 3], amplitude=[1, 2], phase=[0, 0]))
+
+
+def test_a_load_that_joins_a_plant_is_less_than_its_inertia() -> None:
+    load = effects.find("flexible_coupling")(inertia=3 * J, frequency=50.0)
+    assert 0 < joined(HEALTHY, load).driven_inertia < J
+    assert joined(HEALTHY, load.replace(inertia=0.2 * J))["flexible_coupling"].inertia == 0.2 * J
