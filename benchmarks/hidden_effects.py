@@ -17,9 +17,8 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import bench_axes
@@ -27,6 +26,7 @@ import numpy as np
 import truth_mujoco
 import truth_plain
 from bench_axes import Axis
+from outcomes import HEAD, Case, Outcome, tables
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import Dataset
@@ -38,62 +38,20 @@ PAIRS = (
     ("flexible_coupling", "cogging"), ("torque_offset", "delay"), ("gravity", "thermal_drift"),
     ("asymmetric_friction", "cogging"), ("quadratic_drag", "gravity"), ("position_dependent_friction", "torque_offset"),
 )  # fmt: skip
-# The same torque by another name, on motion like this: an answer that counts as right.
-SAME = {"current_loop_lag": {"delay"}, "delay": {"current_loop_lag"}}
-
-
-@dataclass(frozen=True)
-class Case:
-    """What to hide: effects of the catalogue, or one that it does not have."""
-
-    kind: str
-    hidden: tuple[str, ...]
-    strength: float
-    seed: int
-
-
-@dataclass(frozen=True)
-class Outcome:
-    case: Case
-    found: tuple[str, ...]
-    alike: tuple[tuple[str, ...], ...]  # what each of them was said to be confusable with
-    verdict: str
-    errors: tuple[float, float, float]  # validate before, after, noise floor
-    seconds: float
-    inertia: float  # found over true; nan where it was given
-    remainder: str
-
-    @property
-    def first(self) -> str:
-        return self.found[0] if self.found else "nothing"
-
-    @property
-    def right(self) -> bool:
-        want = self.case.hidden if self.case.kind in ("single", "pairs") else ()
-        if not want:
-            return not self.found
-        return self.first in want or any(self.first in SAME.get(w, ()) for w in want)
-
-    @property
-    def whole(self) -> bool:
-        """Everything that is hidden was found, and nothing else."""
-        found = set(self.found)
-        return len(found) == len(self.case.hidden) and all(
-            w in found or found & SAME.get(w, set()) for w in self.case.hidden
-        )
-
 
 def measured(case: Case, rates: tuple[int, ...], seconds: float, noise: float | None) -> tuple[Axis, Dataset]:
     """The axis of a case, and its records as a bench would log them."""
     rng = np.random.default_rng([case.seed, len(case.hidden)])
     axis = Axis.draw(rng, rates)
     if noise is not None:
-        object.__setattr__(axis, "decibels", noise)
+        axis = replace(axis, decibels=noise)
     sets = bench_axes.runs(axis, seconds)
     by_mujoco = case.kind != "invented" and all(e in truth_mujoco.EFFECTS for e in case.hidden)
     if case.kind == "healthy" and rng.random() < 0.25:
         by_mujoco = False
     truth = truth_mujoco if by_mujoco else truth_plain
+    if not by_mujoco:
+        axis = replace(axis, friction="plain")
     hidden = {name: truth.sized(axis, name, case.strength, sets[0]) for name in case.hidden}
     built = truth_mujoco.model(axis, hidden) if by_mujoco else None
     made = []
@@ -120,20 +78,9 @@ def measured(case: Case, rates: tuple[int, ...], seconds: float, noise: float | 
 
 def solve(case: Case, options: argparse.Namespace) -> Outcome:
     axis, runs = measured(case, options.rates, options.seconds, options.noise)
-    began = time.perf_counter()
+    began = time.process_time()
     d = gms.diagnose(runs)
-    took = time.perf_counter() - began
-    errors = [float(x or 0) for x in (d.steps[0].validate_error, d.steps[-1].validate_error, d.noise_floor)]
-    return Outcome(
-        case,
-        tuple(str(s.effect) for s in d.steps[1:]),
-        tuple(s.confusable_with for s in d.steps[1:]),
-        d.verdict,
-        (errors[0], errors[1], errors[2]),
-        took,
-        float("nan") if axis.given else float(d.plant.inertia or 0) / axis.inertia,
-        d.remainder,
-    )
+    return Outcome.of(case, axis, d, time.process_time() - began)
 
 
 def cases(options: argparse.Namespace) -> Iterator[Case]:
@@ -158,64 +105,6 @@ def cases(options: argparse.Namespace) -> Iterator[Case]:
                 seed += 1
 
 
-def line(o: Outcome) -> str:
-    found = [f + (f" (or {', '.join(a)})" if a else "") for f, a in zip(o.found, o.alike, strict=True)]
-    before, after, floor = (100 * e for e in o.errors)
-    good = o.whole if o.case.kind == "pairs" else o.right
-    hidden = " + ".join(o.case.hidden) or "none"
-    said = f"  [{o.remainder}]" if o.case.kind == "invented" else ""
-    return (
-        f"{o.case.kind:8} {hidden:38} {o.case.strength:5.0%} {o.case.seed:5} {o.verdict:16} {before:6.2f} {after:6.2f} "
-        f"{floor:6.2f} {o.seconds:4.0f}  {'' if good else '! '}{', '.join(found) or 'nothing'}{said}"
-    )
-
-
-def tables(done: list[Outcome]) -> str:
-    out: list[str] = []
-
-    def share(name: str, chosen: list[bool]) -> None:
-        if chosen:
-            out.append(f"{name:56} {sum(chosen):4} of {len(chosen):4}  {np.mean(chosen):5.0%}")
-
-    singles = [o for o in done if o.case.kind == "single"]
-    strengths = sorted({o.case.strength for o in singles})
-    if singles:
-        out.append(f"{'named first':40}" + "".join(f"{s:>9.0%}" for s in strengths))
-        for name in dict.fromkeys(o.case.hidden[0] for o in singles):
-            row = [[o.right for o in singles if o.case.hidden[0] == name and o.case.strength == s] for s in strengths]
-            out.append(f"{name:40}" + "".join(f"{f'{sum(r)}/{len(r)}':>9}" for r in row))
-        row = [[o.right for o in singles if o.case.strength == s] for s in strengths]
-        out.append(f"{'all':40}" + "".join(f"{np.mean(r) if r else 0:>9.0%}" for r in row))
-        out += ["", "confusion: hidden, then what was named first"]
-        for name in dict.fromkeys(o.case.hidden[0] for o in singles):
-            named = Counter(o.first for o in singles if o.case.hidden[0] == name)
-            out.append(f"{name:40} " + ", ".join(f"{k} {n}" for k, n in named.most_common()))
-        out.append("")
-    share("named first and nothing false after it", [o.whole for o in singles])
-    share("false alarms on healthy axes", [bool(o.found) for o in done if o.case.kind == "healthy"])
-    share("abstention: nothing named for an invented effect", [not o.found for o in done if o.case.kind == "invented"])
-    share("pairs fully found", [o.whole for o in done if o.case.kind == "pairs"])
-    right = [o for o in done if o.case.hidden and o.right and o.case.kind == "single"]
-    if right:
-        ratio = np.array([o.errors for o in right])
-        out.append(
-            "validate error over noise floor, median (90 %): "
-            f"before {np.median(ratio[:, 0] / ratio[:, 2]):.2f}, after {np.median(ratio[:, 1] / ratio[:, 2]):.2f} "
-            f"({np.quantile(ratio[:, 1] / ratio[:, 2], 0.9):.2f}); at most 1.2 in "
-            f"{np.mean(ratio[:, 1] <= 1.2 * ratio[:, 2]):.0%}"
-        )
-    bias = np.array([o.inertia for o in done if np.isfinite(o.inertia) and o.right and o.case.kind != "invented"])
-    if len(bias):
-        out.append(
-            f"identified inertia over true one: median {np.median(bias):.4f}, 90 % within "
-            f"{np.quantile(np.abs(bias - 1), 0.9):.2%}"
-        )
-    if done:
-        took = np.array([o.seconds for o in done])
-        out.append(f"time per case: median {np.median(took):.1f} s, longest {took.max():.1f} s")
-    return "\n".join(out)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 
@@ -233,11 +122,11 @@ def main() -> None:
     parser.add_argument("--healthy", type=int, default=5, help="healthy axes per round and strength")
     options = parser.parse_args()
     done: list[Outcome] = []
-    print(f"{'kind':8} {'hidden':35} strength  seed verdict          before  after  floor    s  found")
+    print(HEAD)
     try:
         for case in cases(options):
             done.append(solve(case, options))
-            print(line(done[-1]), flush=True)
+            print(done[-1], flush=True)
     except KeyboardInterrupt:
         pass
     print("\n" + tables(done))

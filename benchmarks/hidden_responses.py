@@ -10,7 +10,7 @@ left out. Axes with gravity stand off its rest, by a constant torque such as an 
 
 Strength: torque of the effect over the friction level, at the largest motion (spring, gravity, viscous), or beside the
 largest torque a little above the resonance (delay, lag, coupling). `viscous` is hidden from a GMS baseline without
-drag. The right answer is the effect, or one that does the same to these data (SAME). Seeds below 1000 were used while
+drag. The right answer is the effect, or one that does the same to these data (ALIKE). Seeds below 1000 were used while
 the rules were made; report others.
 """
 
@@ -19,15 +19,15 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import truth_mujoco
 from bench_axes import Array, Axis
+from outcomes import HEAD, SAME, Case, Outcome, tables
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -38,49 +38,12 @@ from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 
 EFFECTS = ("flexible_coupling", "current_loop_lag", "delay", "viscous", "spring", "gravity")
-# On small motion a torque in proportion to the position is either; at frequencies below 1/T a lag is a delay.
-SAME = {
-    "current_loop_lag": {"delay"}, "delay": {"current_loop_lag"}, "spring": {"gravity"}, "gravity": {"spring"},
-}  # fmt: skip
+# On small motion a torque in proportion to the position is either.
+ALIKE = SAME | {"spring": {"gravity"}, "gravity": {"spring"}}
 LEVELS = np.geomspace(0.12, 3.0, 8)
 VALIDATE = (2, 5)
 POINTS = 14
 RISE, SETTLE, KEPT = 2, 4, 6  # windows
-
-
-@dataclass(frozen=True)
-class Outcome:
-    hidden: str
-    strength: float
-    seed: int
-    friction: str
-    found: tuple[str, ...]
-    alike: tuple[tuple[str, ...], ...]
-    verdict: str
-    errors: tuple[float, float, float]  # validate before, after, noise floor
-    seconds: float  # of processor time
-    inertia: float  # found over true; nan where it was given
-    values: str
-    remainder: str
-
-    @property
-    def first(self) -> str:
-        return self.found[0] if self.found else "nothing"
-
-    @property
-    def right(self) -> bool:
-        if self.hidden == "none":
-            return not self.found
-        return self.first == self.hidden or self.first in SAME.get(self.hidden, ())
-
-    @property
-    def exact(self) -> bool:
-        """Named, or said to be confusable with what was named."""
-        return bool(self.found) and (self.first == self.hidden or self.hidden in self.alike[0])
-
-    @property
-    def whole(self) -> bool:
-        return self.right and len(self.found) == (self.hidden != "none")
 
 
 def sized(axis: Axis, name: str, strength: float) -> truth_mujoco.Values:
@@ -187,74 +150,25 @@ def sine(
     return torque, position
 
 
-def solve(name: str, strength: float, seed: int) -> Outcome:
-    axis, frfs = measured(name, strength, seed)
+def solve(case: Case) -> Outcome:
+    name = case.hidden[0] if case.hidden else "none"
+    axis, frfs = measured(name, case.strength, case.seed)
     inertia = axis.inertia if axis.given else None
     plant = Plant.axis(inertia) + effects.find("gms")(8) if name == "viscous" else None
     began = time.process_time()
     d = gms.diagnose(Dataset(Path(), (), inertia=inertia, frfs=tuple(frfs)), plant)
-    errors = [float(x or 0) for x in (d.steps[0].validate_error, d.steps[-1].validate_error, d.noise_floor)]
-    return Outcome(
-        name, strength, seed, axis.friction, tuple(str(s.effect) for s in d.steps[1:]),
-        tuple(s.confusable_with for s in d.steps[1:]), d.verdict, (errors[0], errors[1], errors[2]),
-        time.process_time() - began, float("nan") if axis.given else float(d.plant.inertia or 0) / axis.inertia,
-        "; ".join(f"{k} {v['value']:.3g}" for s in d.steps[1:] for k, v in d.plant.table(str(s.effect)).items()),
-        d.remainder,
-    )  # fmt: skip
+    return Outcome.of(case, axis, d, time.process_time() - began, ALIKE)
 
 
-def cases(options: argparse.Namespace) -> Iterator[tuple[str, float, int]]:
+def cases(options: argparse.Namespace) -> Iterator[Case]:
     """In random order, so that a run that is cut has seen some of each."""
     seed = options.seed
     for _ in range(options.cases):
         for strength in options.strengths:
             for i in np.random.default_rng(seed).permutation(len(options.effects)):
-                yield options.effects[i], strength, seed
+                name = options.effects[i]
+                yield Case("healthy", (), strength, seed) if name == "none" else Case("single", (name,), strength, seed)
                 seed += 1
-
-
-def line(o: Outcome) -> str:
-    found = [f + (f" (or {', '.join(a)})" if a else "") for f, a in zip(o.found, o.alike, strict=True)]
-    before, after, floor = (100 * e for e in o.errors)
-    return (
-        f"{o.hidden:18} {o.strength:5.0%} {o.seed:5} {o.friction:12} {o.verdict:16} {before:6.2f} {after:6.2f} "
-        f"{floor:6.2f} {o.seconds:4.0f}  {'' if o.whole else '! '}{', '.join(found) or 'nothing'}  {o.values}"
-        f"{f'  [{o.remainder}]' if o.remainder else ''}"
-    )
-
-
-def tables(done: list[Outcome]) -> str:
-    out = [f"{'hidden, named first':24}" + "".join(f"{s:>9.0%}" for s in sorted({o.strength for o in done}))]
-    for name in (*EFFECTS, "none"):
-        row = [[o for o in done if o.hidden == name and o.strength == s] for s in sorted({o.strength for o in done})]
-        cells = "".join(f"{f'{sum(o.right for o in r)}/{len(r)}':>9}" for r in row)
-        named = Counter(o.first for r in row for o in r)
-        if named:
-            out.append(f"{name:24}{cells}   {', '.join(f'{k} {n}' for k, n in named.most_common())}")
-    hidden = [o for o in done if o.hidden != "none"]
-    healthy = [o for o in done if o.hidden == "none"]
-    for title, chosen in (
-        ("named first", [o.right for o in hidden]),
-        ("named itself, or said to be confusable", [o.exact for o in hidden]),
-        ("named first and nothing false after it", [o.whole for o in hidden]),
-        ("false alarms on healthy axes", [not o.right for o in healthy]),
-    ):
-        if chosen:
-            out.append(f"{title:48} {sum(chosen):4} of {len(chosen):4}  {np.mean(chosen):5.0%}")
-    right = np.array([o.errors for o in hidden if o.right])
-    if len(right):
-        ratio = right[:, 1] / right[:, 2]
-        out.append(
-            f"validate error over noise floor, median (90 %): before {np.median(right[:, 0] / right[:, 2]):.2f}, after "
-            f"{np.median(ratio):.2f} ({np.quantile(ratio, 0.9):.2f})"
-        )
-    bias = np.array([o.inertia for o in done if np.isfinite(o.inertia) and o.right])
-    if len(bias):
-        off = np.abs(bias - 1)
-        out.append(f"identified inertia off by: median {np.median(off):.2%}, 90 % within {np.quantile(off, 0.9):.2%}")
-    took = np.array([o.seconds for o in done])
-    out.append(f"processor time per case: median {np.median(took):.1f} s, longest {took.max():.1f} s")
-    return "\n".join(out)
 
 
 def main() -> None:
@@ -265,11 +179,11 @@ def main() -> None:
     parser.add_argument("--strengths", type=lambda s: tuple(map(float, s.split(","))), default=(0.3, 0.12))
     options = parser.parse_args()
     done: list[Outcome] = []
-    print(f"{'hidden':16} strength  seed friction     verdict          before  after  floor    s  found")
+    print(HEAD)
     try:
         for case in cases(options):
-            done.append(solve(*case))
-            print(line(done[-1]), flush=True)
+            done.append(solve(case))
+            print(done[-1], flush=True)
     except KeyboardInterrupt:
         pass
     if done:
