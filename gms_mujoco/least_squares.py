@@ -11,6 +11,7 @@ from .tall import gram, squared
 Array = NDArray[np.float64]
 
 _WORTH = 0.03  # of the tolerance: a step that promises less is not tried
+_FARTHEST = 6.0  # times its reach, that an unknown moves in one step; of a logarithm 3
 
 
 def solve(
@@ -48,7 +49,7 @@ def solve(
         if not len(free):
             break
         moving = columns[free]
-        scale = np.sqrt(np.diag(hessian)[free])
+        scale, farthest = np.sqrt(np.diag(hessian)[free]), _FARTHEST * reach[free]
         normal = hessian[np.ix_(free, free)] / np.outer(scale, scale)
         before, growth = cost, 4.0
         for _ in range(12):
@@ -56,7 +57,7 @@ def solve(
             if float(gradient[free] @ step) < _WORTH * tolerance * cost:
                 break
             trial = x.copy()
-            trial[moving] = np.clip(x[moving] - np.clip(step, -3, 3), lower[moving], upper[moving])
+            trial[moving] = np.clip(x[moving] - np.clip(step, -farthest, farthest), lower[moving], upper[moving])
             r_trial = misfit.residual(trial)
             cost_trial = squared(r_trial) + float(prior @ trial**2)
             if cost_trial < cost:

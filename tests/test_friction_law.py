@@ -1,5 +1,7 @@
 """Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, dataset, runs
@@ -36,11 +38,14 @@ def test_another_law_takes_the_place_of_the_first_and_nothing_else_changes() -> 
     assert with_law(changed, HEALTHY["gms"]) == HEALTHY + HIDDEN["cogging"]
 
 
-def test_one_bristle_is_found_from_nothing() -> None:
-    plant = fit(Plant.axis() + effects.LuGre() + effects.Viscous(), runs(BRISTLE)).plant
-    assert plant.inertia == pytest.approx(J, rel=0.01)
+@pytest.mark.parametrize("size", [1.0, 1e7])
+def test_one_bristle_is_found_from_nothing_on_axes_of_any_size(size: float) -> None:
+    records = [replace(r, signals={**r.signals, "torque": size * r.torque}) for r in runs(BRISTLE)]
+    plant = fit(Plant.axis() + effects.LuGre() + effects.Viscous(), records).plant
+    assert plant.inertia == pytest.approx(size * J, rel=0.01)
     for name, value in TRUE.items():
-        assert plant["lugre"].values[name] == pytest.approx(value, rel=0.1)
+        expected = value if name == "stribeck_velocity" else size * value
+        assert plant["lugre"].values[name] == pytest.approx(expected, rel=0.1)
 
 
 def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
