@@ -1,19 +1,25 @@
 """How often the nominal 95 % intervals of a fit hold the true values: simulated experiments on random servo axes.
 
-    python benchmarks/coverage.py [EXPERIMENTS] [FIRST SEED]
+    python benchmarks/coverage.py [EXPERIMENTS] [FIRST SEED] [FILE]
 
 Each experiment draws an axis with two Maxwell-slip elements and measures it in three runs of 4 s at 1 kHz (below
 break-away, around it, turning) through an encoder of 10^6 counts per turn and noise on the torque. The plant fitted
 knows the inertia and the number of elements, nothing else. Every second experiment hides a weak cogging that the plant
 lacks, 5 % of the friction; the truth stays that of the axis. Reported seeds start at 1000; seeds below 200 were used
-while the rules were made.
+while the rules were made. With 600 experiments 95 % is measured to 2.5 % in either column.
+
+With FILE every experiment is a line of JSON there as soon as it is done, and those that stand there are not done again:
+a run that was stopped goes on, and the table is of all.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import sys
-from collections import defaultdict
+import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,42 +63,61 @@ def measured(truth: Plant, level: float, rng: np.random.Generator) -> list[Recor
     return out
 
 
-def main() -> None:
-    experiments = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
-    held: dict[tuple[bool, str], list[bool]] = defaultdict(list)
-    off: dict[tuple[bool, str], list[float]] = defaultdict(list)
-    ratios: dict[bool, list[float]] = defaultdict(list)
-    for k in range(experiments):
-        rng, lacking = np.random.default_rng(first + k), k % 2 == 1
-        plant = axis(rng)
-        level = float(plant["gms"].coulomb)  # type: ignore[arg-type]
-        phase = float(rng.uniform(-math.pi, math.pi))
-        cogging = effects.find("cogging")(harmonics=[8], amplitude=[0.05 * level], phase=[phase])
-        unknown = Plant.axis(plant.inertia) + effects.find("gms")(2) + effects.find("viscous")()
-        found = gms.fit(unknown, measured(plant + cogging if lacking else plant, level, rng))
-        ratios[lacking].append(found.error / found.floor)
-        true, got = plant.numbers(), found.plant.numbers()
-        for name, (low, high) in found.plant.uncertainty.items():
-            value = true[name][0]
-            held[lacking, name].append(low <= value <= high)
-            off[lacking, name].append(abs(got[name][0] / value - 1))
+def experiment(seed: int) -> dict[str, Any]:
+    """What came of one experiment, as plain values."""
+    start, rng, lacking = time.process_time(), np.random.default_rng(seed), seed % 2 == 1
+    plant = axis(rng)
+    level = float(plant["gms"].coulomb)  # type: ignore[arg-type]
+    phase = float(rng.uniform(-math.pi, math.pi))
+    cogging = effects.find("cogging")(harmonics=[8], amplitude=[0.05 * level], phase=[phase])
+    unknown = Plant.axis(plant.inertia) + effects.find("gms")(2) + effects.find("viscous")()
+    found = gms.fit(unknown, measured(plant + cogging if lacking else plant, level, rng))
+    true, got = plant.numbers(), found.plant.numbers()
+    return {
+        "seed": seed,
+        "lacking": lacking,
+        "ratio": found.error / found.floor,
+        "seconds": time.process_time() - start,
+        "held": {n: bool(low <= true[n][0] <= high) for n, (low, high) in found.plant.uncertainty.items()},
+        "off": {n: abs(got[n][0] / true[n][0] - 1) for n in found.plant.uncertainty},
+    }
+
+
+def experiments(count: int, first: int, file: Path | None) -> list[dict[str, Any]]:
+    """Those of the seeds from `first` on, and all that stand in `file`."""
+    lines = file.read_text().splitlines() if file and file.exists() else []
+    done = {e["seed"]: e for e in map(json.loads, lines)}
+    for seed in range(first, first + count):
+        if seed not in done:
+            done[seed] = experiment(seed)
+            if file:
+                with file.open("a") as f:
+                    f.write(json.dumps(done[seed]) + "\n")
+    return list(done.values())
+
+
+def main(count: int, first: int, file: Path | None) -> None:
+    done = experiments(count, first, file)
+    kinds = {"healthy": [e for e in done if not e["lacking"]], "with an effect more": [e for e in done if e["lacking"]]}
     print(f"{'parameter':26} {'covered':>8} {'off':>7}   {'covered':>8} {'off':>7}")
     print(f"{'':26} {'healthy':>16}   {'with an effect more':>16}")
-    for name in dict.fromkeys(n for _, n in held):
+    for name in dict.fromkeys(n for e in done for n in e["held"]):
         cells = []
-        for lacking in (False, True):
-            share, error = held.get((lacking, name), []), off.get((lacking, name), [])
-            cells.append(f"{100 * np.mean(share):6.1f} % {100 * np.median(error):5.2f} %" if share else f"{'-':>16}")
+        for kind in kinds.values():
+            held, off = ([e[key][name] for e in kind if name in e["held"]] for key in ("held", "off"))
+            cells.append(f"{100 * np.mean(held):6.1f} % {100 * np.median(off):5.2f} %" if held else f"{'-':>16}")
         print(f"{name:26} {'   '.join(cells)}")
-    for lacking, label in ((False, "healthy"), (True, "with an effect more")):
-        values = [x for (which, _), xs in held.items() if which is lacking for x in xs]
+    for label, kind in kinds.items():
+        values = [held for e in kind for held in e["held"].values()]
         if values:
             print(
-                f"{label}: {100 * np.mean(values):.1f} % of {len(values)} intervals hold the truth; error over noise "
-                f"floor {np.median(ratios[lacking]):.2f}"
+                f"{label}: {100 * np.mean(values):.1f} % of {len(values)} intervals in {len(kind)} experiments hold "
+                f"the truth; error over noise floor {np.median([e['ratio'] for e in kind]):.2f}; "
+                f"{np.median([e['seconds'] for e in kind]):.1f} s of processor time each"
             )
 
 
 if __name__ == "__main__":
-    main()
+    given = sys.argv[1:]
+    count, first, file = given + ["600", "1000", ""][len(given) :]
+    main(int(count), int(first), Path(file) if file else None)
