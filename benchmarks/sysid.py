@@ -6,7 +6,7 @@ counts, 0.02 mN m of noise on the torque; to fit, 20 s each in pre-sliding, abou
 each from its measured position and smoothed velocity (an open-loop position drifts over longer ones), one model build
 per parameter and not per chunk, bounds of a factor 30 about starts within a factor 2 of the truth. It runs its own
 optimizer until that stops; "to 1 %" is when its cost first came within 1 % of the last. This package starts from the
-records alone, on one core; so does `mujoco.sysid` under `taskset -c 0`.
+records alone. Times are of the processor, summed over threads, so that what else the machine does counts little.
 
 Errors, on the validate records: `torque` as `compare` has it; `motion` is the forward simulation over short windows.
 
@@ -65,7 +65,7 @@ def by_sysid(
     runs: list[Record], more: str, start: dict[str, tuple[float, Modifier]]
 ) -> tuple[dict[str, float], float, float]:
     """Values that `mujoco.sysid` finds, searched in logarithm; seconds until it stopped, and to 1 % of its cost."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     spec = mujoco.MjSpec.from_string(XML.format(h=H, more=more))
     model = spec.compile()
     chunks = []
@@ -98,12 +98,12 @@ def by_sysid(
         found = sysid.model_residual(x, p, build, chunks, resample_true=False)
         # Of several columns (finite differences) each has the residuals of all chunks.
         rows = found[0].T.reshape(x.shape[1], -1).T if x.ndim > 1 else found[0]
-        costs.append((time.perf_counter() - begin, float(np.sum(rows.reshape(len(rows), -1)[:, 0] ** 2))))
+        costs.append((time.process_time() - begin, float(np.sum(rows.reshape(len(rows), -1)[:, 0] ** 2))))
         return [rows], found[1], found[2]
 
     with contextlib.redirect_stdout(io.StringIO()):
         best, _ = sysid.optimize(params, residual, verbose=False)
-    spent = time.perf_counter() - begin
+    spent = time.process_time() - begin
     last = min(c for _, c in costs)
     return {k: 10 ** float(best[k].value[0]) for k in start}, spent, next(t for t, c in costs if c <= 1.01 * last)
 
@@ -161,9 +161,9 @@ def our_plants(runs: list[Record]) -> Found:
     }
     out = {}
     for name, model in models.items():
-        begin = time.perf_counter()
+        begin = time.process_time()
         plant = gms.fit(model, runs).plant
-        spent = time.perf_counter() - begin
+        spent = time.process_time() - begin
         out[name] = plant, spent, spent
     return out
 

@@ -340,7 +340,7 @@ def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:
             raise DataError(f"no such file: {name}")
         found = frf_table.from_table(
             formats.read(folder / name), Path(name).name, source, entry["output"],
-            columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=1.0 if scale is None else scale,
+            columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=scale,
             amplitude=amplitude, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
         )  # fmt: skip
         if source == "current":

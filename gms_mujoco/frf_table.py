@@ -1,7 +1,6 @@
-"""From the columns of a file to an FRF: what is frequency, magnitude and phase, in which units, and repeats averaged.
+"""From the columns of a file to an FRF: what is frequency, magnitude and phase, and repeats averaged.
 
-What the file does not say and nothing declares is an error that tells how to declare it: a guess between Hz and rad/s
-would be wrong by 6.3 and look right.
+What the file does not say and nothing declares is an error that tells how to declare it.
 """
 
 from __future__ import annotations
@@ -9,12 +8,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import units
+from . import frf_units
 from .errors import DataError, listing
 from .formats import Table
 from .frf import FRF, INPUTS, OUTPUTS, Complex, response_unit
@@ -22,20 +22,10 @@ from .frf import FRF, INPUTS, OUTPUTS, Complex, response_unit
 Array = NDArray[np.float64]
 
 COLUMNS = ("frequency", "magnitude", "phase", "real", "imag", "coherence", "excitation", "sigma")
-_UNITS = {
-    "frequency": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / math.pi, "rpm": 1 / 60},
-    "phase": {"rad": 1.0, "deg": math.pi / 180},
-    "magnitude": {"abs": 0.0, "dB": 20.0, "log10": 1.0},
-}
-_AKA = {
-    "hertz": "Hz", "hz": "Hz", "khz": "kHz", "rad/s": "rad/s", "rads": "rad/s", "rad/sec": "rad/s", "1/s": "rad/s",
-    "rpm": "rpm", "rad": "rad", "radian": "rad", "radians": "rad", "deg": "deg", "degree": "deg", "degrees": "deg",
-    "°": "deg", "abs": "abs", "linear": "abs", "lin": "abs", "db": "dB", "log10": "log10",
-}  # fmt: skip
 _NAMES = {
     "frequency": r"f|freq|frequency|frequencies|w|omega|ω|hz|radps",
-    "magnitude": r"mag|magnitude|gain|abs|amplitude ratio|\|[gh]\|",
-    "phase": r"ph|phase|arg|angle|arg ?\(?[gh]\)?|∠[gh]?",
+    "magnitude": r"mag|magnitude|gain|abs|amplitude ratio|\|[gh](\(.*\))?\||db",
+    "phase": r"ph|phase|arg|angle|arg ?\(?[gh]\)?|∠[gh]?(\(.*\))?|deg",
     "real": r"re|real|real part",
     "imag": r"im|imag|imaginary|imag part|imaginary part",
     "coherence": r"coh|coherence|gamma2|γ²",
@@ -54,7 +44,7 @@ def from_table(
     *,
     columns: Mapping[str, Any] | None = None,
     unit: Mapping[str, Any] | None = None,
-    scale: float = 1.0,
+    scale: float | None = None,
     amplitude: float | None = None,
     kind: str = "hinge",
     count: float | None = None,
@@ -69,8 +59,9 @@ def from_table(
         name: of the result, for messages.
         input, output: what the response leads from and to.
         columns: names or numbers (from 0; of lines where there is a line per quantity) for `COLUMNS`.
-        unit: of frequency, magnitude and phase, and of input and output ("mNm", "deg").
-        scale: multiplies the response.
+        unit: of frequency, magnitude, phase, sigma and coherence, and of input and output ("mNm", "deg"). A sigma in dB
+            is that of the magnitude.
+        scale: multiplies the response; with it, or with a unit of input or output, that of the file does not count.
         amplitude: of the input during the measurement [N m].
         kind, count: joint kind and one encoder count [rad], for the units of input and output.
         use: of the result.
@@ -82,7 +73,7 @@ def from_table(
         if value not in names:
             raise DataError(f"{key} must be one of {listing(names)}; {value!r} given")
     chosen, declared = dict(columns or {}), dict(unit or {})
-    for word, given, known in (("columns", chosen, COLUMNS), ("units", declared, _KEYS_OF_UNITS)):
+    for word, given, known in (("columns", chosen, COLUMNS), ("units", declared, frf_units.KEYS)):
         for key in given:
             if key not in known:
                 raise DataError(f"unknown key {word}.{key}; expected {listing(known)}")
@@ -90,36 +81,39 @@ def from_table(
     if number is not None and (several := len(np.unique(number))) > 1:
         raise DataError(f"the file holds {several} responses (column 'response'); give each its own file")
     per_line = _has_a_line_per_quantity(table)
-    raw = _raw(_turned(table) if per_line else table, chosen, per_line)
-    _check(table, raw, per_line)
-    found: dict[str, str] = {k: _unit(k, raw, declared, table.units) for k in _UNITS if k in raw}
-    frequency = raw["frequency"][0] * _UNITS["frequency"][found["frequency"]]
-    response = _response(raw, found)
-    factor = scale * _si(declared, "output", output, kind, count) / _si(declared, "input", input, kind, count)
-    response = factor * response
-    notes = []
-    keep = frequency > 0
-    if not keep.all():
-        if frequency.min() < 0:
-            raise DataError(f"frequency is {frequency.min():g} Hz; expected positive numbers")
+    raw, notes = _raw(_turned(table) if per_line else table, chosen, per_line), []
+    at_zero = raw["frequency"][0] == 0
+    if at_zero.any() and len({len(v) for v, _ in raw.values()}) == 1:  # analysers write anything there
+        raw = {k: (v[~at_zero], at) for k, (v, at) in raw.items()}
+        table = table.rows(~at_zero)
         notes.append("the point at 0 Hz is left out")
-    extra = {k: raw[k][0][keep] for k in ("coherence", "excitation", "sigma") if k in raw}
-    frequency, response = frequency[keep], response[keep]
-    if not len(frequency):
+    _check(table, raw, per_line)
+    if not len(raw["frequency"][0]):
         raise DataError("no frequency above 0 Hz")
+    found = {k: frf_units.of(k, raw, declared, table.units) for k in frf_units.UNITS if k in raw}
+    frequency = raw["frequency"][0] * frf_units.UNITS["frequency"][found["frequency"]]
+    if frequency.min() < 0:
+        raise DataError(f"frequency is {frequency.min():g} Hz; expected positive numbers")
+    sides = _Sides(input, output, kind, count)
+    factor, stated = _factor(raw, table.units, declared, sides, scale)
+    response = factor * _response(raw, found)
+    extra = _beside(raw, table.units, declared, sides, found, np.abs(response), abs(factor))
     zero = np.flatnonzero(response == 0)
     if len(zero):
         raise DataError(f"the response is 0 at {frequency[zero[0]]:g} Hz; no measurement gives that")
+    if found.get("phase") == "deg" and np.abs(raw["phase"][0]).max() <= math.pi and np.ptp(raw["phase"][0]) > 1:
+        notes.append(f"the phase stays within {np.abs(raw['phase'][0]).max():.2f} deg; is it rad?")
     where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
     values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
-    if "sigma" in values:  # in the unit of the response; what repeats show comes first
-        stated = np.abs(factor * values.pop("sigma"))
-        sigma = stated if sigma is None else sigma
+    if "sigma" in values:  # what repeats show comes first
+        own_sigma = values.pop("sigma")
+        sigma = own_sigma if sigma is None else sigma
     if amplitude is not None:
         values["excitation"] = np.full(len(where), abs(amplitude))
-    how = ", ".join(f"{k} [{u}]" for k, u in found.items())
-    if "real" in raw:
-        how += " and real and imaginary part"
+    read = [f"{k} [{found[k]}]" for k in ("frequency", "magnitude", "phase") if k in found]
+    how = ", ".join(read) + (" and real and imaginary part" if "real" in raw else "")
+    if stated and factor != 1:
+        how += f", stated in {stated}"
     what = f"{output} over {input} [{response_unit(input, output, kind)}] from {how}"
     said = f"{len(where)} frequencies, {where[0]:.4g} to {where[-1]:.4g} Hz"
     if repeats.max() > 1:
@@ -171,9 +165,6 @@ def from_control(
         )
     except DataError as error:
         raise DataError(f"{title}: {error}") from None
-
-
-_KEYS_OF_UNITS = ("frequency", "magnitude", "phase", "input", "output")
 
 
 def average_repeats(frequency: Array, response: Complex) -> tuple[Array, Complex, Array | None, Array, int]:
@@ -267,6 +258,9 @@ def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, t
         if at not in table.columns:
             raise DataError(f"columns.{key}: no column {at!r}; the file has {listing(names)}")
         out[key] = (table.columns[at], at)
+    other = out["real"][1].removesuffix("real") + "imag" if "real" in out and "imag" not in out else ""
+    if other.endswith(".imag") and other in table.columns:  # of one complex column
+        out["imag"] = (table.columns[other], other)
     if table.named:
         _detect(table, out)
     if "frequency" not in out:
@@ -279,16 +273,17 @@ def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, t
         for key in cartesian:
             out.pop(key)
     else:
+        lost = "".join(f"; {k!r} is left out, for {why}" for k, why in list(table.unusable.items())[:3])
         raise DataError(
             f"found {listing(out)} among {listing(names)}; a response is magnitude and phase, or real and imag: "
-            "name them with columns = { magnitude = ..., phase = ... }"
+            f"name them with columns = {{ magnitude = ..., phase = ... }}{lost}"
         )
     return {k: out[k] for k in COLUMNS if k in out}
 
 
 def _detect(table: Table, out: dict[str, tuple[Array, str]]) -> None:
     taken = {at for _, at in out.values()}
-    plain = {name: _plain(name)[0] for name in [*table.columns, *table.unusable]}
+    plain = {name: frf_units.plain(name)[0] for name in [*table.columns, *table.unusable]}
     for key, pattern in _NAMES.items():
         if key in out:
             continue
@@ -299,18 +294,6 @@ def _detect(table: Table, out: dict[str, tuple[Array, str]]) -> None:
             raise DataError(f"column {fits[0]!r}: {table.unusable[fits[0]]}")
         if fits:
             out[key] = (table.columns[fits[0]], fits[0])
-
-
-def _plain(name: str) -> tuple[str, str]:
-    """The words of a column's name without its unit, in lower case, and the unit or ""."""
-    text = name.strip().lower().split(".")[-1] if re.fullmatch(r"[\w.]+", name.strip()) else name.strip().lower()
-    match = re.fullmatch(r"(.*?)[\s_]*[\[(]\s*([^\])]*?)\s*[\])]", text)
-    word, unit = (match[1], match[2]) if match else (text, "")
-    if not unit and (match := re.fullmatch(r"(.+?)[\s_]+(hz|khz|rad/s|rads|rad/sec|rpm|deg|rad|db|abs|lin)", text)):
-        word, unit = match[1], match[2]
-    if not unit and word in ("hz", "radps", "omega", "w", "ω"):
-        unit = "hz" if word == "hz" else "rad/s"
-    return word.replace("_", " ").strip(), _AKA.get(unit.replace(" ", ""), unit)
 
 
 def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -> None:
@@ -324,51 +307,68 @@ def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -
             raise DataError(f"{place}: {key} is {values[bad[0]]}, not a finite number ({len(bad)} such)")
 
 
-def _unit(key: str, raw: Mapping[str, tuple[Array, str]], declared: Mapping[str, Any], file: Mapping[str, str]) -> str:
-    known = _UNITS[key]
-    values, at = raw[key]
-    if key in declared:
-        unit = _AKA.get(str(declared[key]).lower().replace(" ", ""), "")
-        if not isinstance(declared[key], str) or unit not in known:
-            raise DataError(f"units.{key} must be one of {listing(known)}; {declared[key]!r} given")
-        return unit
-    for stated in (file.get(at, ""), _plain(at)[1]):
-        unit = _AKA.get(stated.lower().replace(" ", ""), "")
-        if unit in known:
-            return unit
-    if key == "magnitude" and values.min() < 0:
-        return "dB"  # an absolute value is never negative
-    if key == "phase" and np.ptp(values) > 60:
-        return "deg"  # ten turns
-    choices = " or ".join(list(known)[:3:2] if key == "frequency" else list(known)[:2])
-    raise DataError(f"{key}: {choices}? The file does not say; write units = {{ {key} = ... }} with one of "
-                    f"{listing(known)}")
-
-
 def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) -> Complex:
     if "real" in raw:
         return raw["real"][0] + 1j * raw["imag"][0]
-    size, base = raw["magnitude"][0], _UNITS["magnitude"][found["magnitude"]]
+    size, base = raw["magnitude"][0], frf_units.UNITS["magnitude"][found["magnitude"]]
     if base:
         if np.abs(size).max() > 30 * base:
             raise DataError(f"magnitude reaches {np.abs(size).max():g} {found['magnitude']}; is it abs?")
         size = 10 ** (size / base)
     elif size.min() <= 0:
         raise DataError(f"magnitude is {size.min():g}, and abs is positive; dB? Write units = {{ magnitude = \"dB\" }}")
-    return size * np.exp(1j * _UNITS["phase"][found["phase"]] * raw["phase"][0])
+    return size * np.exp(1j * frf_units.UNITS["phase"][found["phase"]] * raw["phase"][0])
 
 
-def _si(declared: Mapping[str, Any], side: str, quantity: str, kind: str, count: float | None) -> float:
-    if side not in declared:
-        return 1.0
-    if not isinstance(declared[side], str):
-        raise DataError(f"units.{side} must be a unit in quotes; {declared[side]!r} given")
-    if quantity not in ("torque", "load", "current", "position", "velocity"):
-        raise DataError(f"units.{side}: {quantity} is taken as it is; use scale")
-    try:
-        return units.into_si(declared[side], quantity, kind, count)[0]
-    except DataError as error:
-        raise DataError(f"units.{side}: {error}") from None
+@dataclass(frozen=True)
+class _Sides:
+    """What a response leads from and to, and what its units depend on."""
+
+    input: str
+    output: str
+    kind: str
+    count: float | None
+
+    def factor(self, side: str, unit: Any) -> float:
+        quantity = self.input if side == "input" else self.output
+        return frf_units.quantity_factor(unit, side, quantity, self.kind, self.count)
+
+
+def _factor(
+    raw: frf_units.Raw, file: Mapping[str, str], declared: Mapping[str, Any], sides: _Sides, scale: float | None
+) -> tuple[float, str]:
+    """What turns the response into SI, and the unit where the file states it."""
+    own = [side for side in ("input", "output") if side in declared]
+    if scale is None and not own:
+        return frf_units.response_factor(raw, file, sides.input, sides.output, sides.kind, sides.count)
+    factor = 1.0 if scale is None else scale
+    for side in own:
+        try:
+            size = sides.factor(side, declared[side])
+        except DataError as error:
+            raise DataError(f"units.{side}: {error}") from None
+        factor = factor * size if side == "output" else factor / size
+    return factor, ""
+
+
+def _beside(
+    raw: frf_units.Raw, file: Mapping[str, str], declared: Mapping[str, Any], sides: _Sides, found: Mapping[str, str],
+    size: Array, factor: float,
+) -> dict[str, Array]:
+    """Coherence, excitation and standard deviation in SI, where the file has them; `size` is that of the response."""
+    out = {k: raw[k][0] for k in ("coherence", "excitation", "sigma") if k in raw}
+    if "coherence" in out:
+        out["coherence"] = np.minimum(out["coherence"] * frf_units.UNITS["coherence"][found["coherence"]], 1)
+    if "excitation" in out:
+        unit = declared.get("input") or frf_units.stated_of(raw["excitation"][1], file)
+        try:
+            out["excitation"] = np.abs(out["excitation"]) * (sides.factor("input", unit) if unit else 1.0)
+        except DataError as error:
+            raise DataError(f"unit of the excitation: {error}; say units = {{ input = ... }}") from None
+    if "sigma" in out:  # in dB it is that of the magnitude, half of the variance of both parts
+        each = math.sqrt(2) * math.log(10) / 20 * size if found["sigma"] == "dB" else factor
+        out["sigma"] = np.abs(out["sigma"]) * each
+    return out
 
 
 def _medians(frequency: Array, values: Array, where: Array) -> Array:

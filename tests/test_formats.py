@@ -132,6 +132,38 @@ def test_lines_that_begin_with_a_name_are_columns_on_their_side(tmp_path: Path) 
         formats.read(csv(tmp_path, "a,1,2\na,3,4\n"))
 
 
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("t\tq [°]\n0\t1\n1\t2\n", "utf-16"),  # Excel's "Unicode text", PowerShell
+        ("\ufefft;q [°]\r\n0;1\r\n1;2\r\n", "utf-8"),
+        ("t;q [°]\r0;1\r1;2\r", "cp1252"),
+        ("Messung … von gestern\nt;q [°]\n0;1\n1;2\n", "cp1252"),  # the dots end no line
+        ("# rig 3\n# t  q [°]\n0 1\n1 2\n", "utf-8"),  # numpy.savetxt
+        ("% t,q\n% s,°\n0,1\n1,2\n# pause\n", "utf-8"),
+        ("t,q [°],\n0,1,\n1,2,\n", "utf-8"),
+        ("t;q [°]\n0;1;\n1;2;\n", "utf-8"),
+        ('"t","q [°]"\n"0,0","1,0"\n"1,0","2,0"\n', "utf-8"),
+        ("t,q [°]\n0,1D+00\n1,0.2d1\n", "utf-8"),
+        ("t   q [°]\n0   1\n1   2\n", "utf-8"),
+        ("t:\t0\t1\nq [°]:\t1\t2\n", "utf-8"),
+        ("t,s,0,1\nq [°],deg,1,2\n", "utf-8"),
+    ],
+)
+def test_what_laboratories_write(text: str, encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_bytes(text.encode(encoding))
+    table = formats.read(tmp_path / "a.txt")
+    assert table.named and np.array_equal(table.columns["t"], [0, 1])
+    name = next(n for n in table.columns if n.startswith("q"))
+    assert np.array_equal(table.columns[name], [1, 2]) and len(table.columns) == 2
+    assert "°" in name + table.units.get(name, "")
+
+
+def test_marks_between_thousands_are_no_decimal_commas(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"line 2: '0.5' has a point and '1,000' in line 2 a comma"):
+        formats.read(csv(tmp_path, "f\tq\n1,000\t0.5\n2,000\t0.6\n"))
+
+
 def test_text_in_a_column_is_told_with_its_line(tmp_path: Path) -> None:
     table = formats.read(csv(tmp_path, "time,torque,mode\n0,1,idle\n\n1,x2,run\n2,3,run\n"))
     assert list(table.columns) == ["time"]

@@ -4,10 +4,12 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pyarrow import parquet as pq
 
 from gms_mujoco import formats
 from gms_mujoco.dataset import Dataset, load
@@ -112,6 +114,39 @@ def test_what_we_write_comes_back(tmp_path: Path) -> None:
     assert close(dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0])
     with pytest.raises(DataError, match=r"2 responses .* its own file"):
         dataset(tmp_path, to_csv([FRF("a", F, G), FRF("b", F, G)]))
+
+
+def test_what_stands_at_0_hz_is_left_out(tmp_path: Path) -> None:
+    for first in ("0,-inf,0", "0,nan,nan", "0,0,0"):
+        text = rows("f [Hz],magnitude [dB],phase [deg]", F, 20 * np.log10(MAG), np.degrees(ARG))
+        frf = dataset(tmp_path, text.replace("\n", f"\n{first}\n", 1)).frfs[0]
+        assert close(frf) and "0 Hz is left out" in frf.notes[-1]
+
+
+@pytest.mark.parametrize("form", ["{:.12g}{:+.12g}i", "({:.12e}{:+.12e}j)", "{:.12g} {:+.12g}*i"])
+def test_complex_numbers_as_text(form: str, tmp_path: Path) -> None:
+    cells = [f"{f:.12g};{form.format(g.real, g.imag)}" for f, g in zip(F, G, strict=True)]
+    assert close(dataset(tmp_path, "\n".join(["f [Hz];H", *cells])).frfs[0])
+    assert close(dataset(tmp_path, "\n".join(["f [Hz];H", *cells]).replace(".", ",")).frfs[0])
+    numbered = 'columns = { frequency = 0, real = 1 }\nunits = { frequency = "Hz" }\n'
+    assert close(dataset(tmp_path, "\n".join(cells), extra=numbered).frfs[0])
+
+
+def test_a_complex_column_in_parquet(tmp_path: Path) -> None:
+    table = pa.table({"f [Hz]": F, "H": [{"real": g.real, "imag": g.imag} for g in G]})
+    pq.write_table(table, tmp_path / "a.parquet")
+    (tmp_path / "dataset.toml").write_text(ENTRY.format("a.parquet"))
+    assert close(load(tmp_path).frfs[0])
+
+
+def test_several_responses_in_one_matrix_are_not_guessed(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"f": F, "H": np.stack([G, 2 * G], 1)})
+    said = ENTRY.format("a.mat") + 'units = { frequency = "Hz" }\n'
+    (tmp_path / "dataset.toml").write_text(said)
+    with pytest.raises(DataError, match=r"H\.0\.real, H\.1\.real may each be the real"):
+        load(tmp_path)
+    (tmp_path / "dataset.toml").write_text(said + 'columns = { real = "H.1.real" }\n')
+    assert close(load(tmp_path).frfs[0], 2 * G)
 
 
 # Repeats.
@@ -311,7 +346,7 @@ def test_measured_universal_files(data: Path) -> None:
     ascii_, binary = (formats.read(folder / n) for n in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff"))
     assert list(ascii_.columns) == ["time", "Pressure"] and ascii_.units["Pressure"] == "Pa"
     assert np.allclose(ascii_.columns["Pressure"], binary.columns["Pressure"], rtol=1e-5)
-    frf = from_table(formats.read(folder / "non_ascii_header.uff"), "a", "torque", "acceleration")
+    frf = from_table(formats.read(folder / "non_ascii_header.uff"), "a", "torque", "acceleration", kind="slide")
     assert len(frf) == 5 and frf.response[0] == pytest.approx(-0.0599924 - 0.055326j)
     with pytest.raises(DataError, match="psd"):
         from_table(formats.read(folder / "sample_dataset58_psd.uff"), "a", "torque", "acceleration")

@@ -146,25 +146,30 @@ def unpack(arrays: Mapping[str, object]) -> Table:
     """Named arrays of any shape as columns.
 
     (n,), (n, 1) and (1, n) are a column; of (n, m) and (m, n) the longer side is time and the columns are
-    "name.0", "name.1", ...; a column of complex numbers is two, "name.real" and "name.imag"; single numbers, text and
-    tables of complex numbers are unusable.
+    "name.0", "name.1", ...; a column of complex numbers is two, "name.real" and "name.imag", or one where every
+    imaginary part is 0; single numbers and text are unusable.
     """
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
     for name, value in arrays.items():
         array = np.asarray(value)
-        if array.dtype.kind == "c" and 1 < array.size == max(array.shape):
-            columns |= {f"{name}.{part}": getattr(array, part).ravel().astype(float) for part in ("real", "imag")}
-        elif array.dtype.kind not in "bifu":
-            what = "complex numbers" if array.dtype.kind == "c" else "no numbers"
-            unusable[name] = f"it holds {what}"
+        if array.dtype.kind not in "bifuc":
+            unusable[name] = "it holds no numbers"
         elif array.size < 2:
             unusable[name] = "it is a single number" if array.size else "it is empty"
-        elif array.ndim == 1 or max(array.shape) == array.size:
-            columns[name] = array.ravel().astype(float)
+        elif max(array.shape) == array.size:
+            columns |= real_and_imaginary(name, array.ravel())
         elif array.ndim == 2:
             rows = array.T if array.shape[0] >= array.shape[1] else array
-            columns.update({f"{name}.{i}": row.astype(float) for i, row in enumerate(rows)})
+            for i, row in enumerate(rows):
+                columns |= real_and_imaginary(f"{name}.{i}", row)
         else:
             unusable[name] = f"it has {array.ndim} dimensions"
     return Table(columns, unusable)
+
+
+def real_and_imaginary(name: str, values: NDArray[Any]) -> dict[str, Array]:
+    """A column by its name, or two of a complex one, "name.real" and "name.imag"."""
+    if values.dtype.kind != "c" or not np.any(np.nan_to_num(values.imag)):
+        return {name: values.real.astype(float)}
+    return {f"{name}.real": values.real.astype(float), f"{name}.imag": values.imag.astype(float)}

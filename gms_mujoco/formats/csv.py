@@ -1,8 +1,9 @@
 """Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
 
-Lines that start with # or % before the table are comments. With semicolons, tabs or blanks a decimal comma is
-understood. Other lines before the header are left out, and a row of units below it is read. A few lines that each
-begin with a name and go on with numbers are columns laid on their side.
+Lines that start with # or % are comments; where no other line names the columns, the comment right above them may. A
+decimal comma is understood where it does not separate columns. Other lines before the header are left out, and a row
+of units below it is read. A few lines that each begin with a name and go on with numbers are columns laid on their
+side. A column of complex numbers ("1.5-2i") is two, "name.real" and "name.imag".
 """
 
 from __future__ import annotations
@@ -11,54 +12,70 @@ import gzip
 import io
 import re
 from collections.abc import Mapping
+from csv import reader
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 from pyarrow import csv
 
 from ..errors import DataError
 from ..files import write_bytes
 from ..units import is_unit
-from . import Array, Table
+from . import Array, Table, real_and_imaginary
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
 _MOST_PREAMBLE = 200  # lines before the header
 _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
+_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+_FORTRAN = re.compile(r"([\d.])[dD]([+-]?\d)")  # 1.5D-03
+Lines = list[tuple[int, str]]  # with the number of each in the file
 
 
 def read(path: Path) -> Table:
-    lines = _text(path).splitlines()
-    start = next((i for i, s in enumerate(lines) if s.strip() and s.lstrip()[0] not in "#%"), None)
-    if start is None:
-        raise DataError(f"{path}: the file is empty; expected columns of numbers")
+    lines = list(enumerate(_text(path).replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1))
     # What is read, with the line it stands on: empty lines are no samples.
-    kept = [(i + 1, s) for i, s in enumerate(lines[start:], start) if s.strip()]
+    kept = [(i, s) for i, s in lines if s.strip() and s.lstrip()[0] not in "#%"]
+    if not kept:
+        raise DataError(f"{path}: the file is empty; expected columns of numbers")
+    comments = [s for i, s in lines if i < kept[0][0] and s.strip()]
     kept = _without_preamble(kept)
     separator = _separator(kept)
-    if separator == " ":
-        kept = [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
-    comma = separator != "," and any(_has_decimal_comma(s.split(separator)) for _, s in kept if "," in s)
+    whole_first = kept[0][1]
+    kept = _squeezed(kept) if separator == " " else _without_last(kept, separator)
+    told = (s for _, s in kept if "," in s and (separator != "," or '"' in s))
+    comma = any(_has_decimal_comma(_cells(s, separator)) for s in told)
+    if comma:
+        _refuse_points(path, kept, separator)
     lying = _lying(path, kept, separator, comma)
     if lying is not None:
         return lying
-    first = [s.strip().strip('"') for s in kept[0][1].split(separator)]
-    named = not all(_is_number(s.replace(",", ".") if comma else s) for s in first)
-    names = first if named else [str(i) for i in range(len(first))]
+    width = len(_cells(kept[-1][1], separator))
+    names = _cells(kept[0][1], separator)
+    named, samples = not all(map(_is_number, _with_points(names, comma))), kept
+    units: dict[str, str] = {}
+    if named:
+        if separator == " " and len(names) != width:  # blanks inside names: two or more stand between them
+            names = re.split(r"\s{2,}|\t", whole_first.strip())
+        samples = kept[1:]
+        if len(samples) > 1 and (below := _units_row(_cells(samples[0][1], separator), len(names))):
+            samples, units = samples[1:], _by_name(names, below)
+    else:
+        above, below = _names_above(comments, separator, width)
+        names, named = above or [str(i) for i in range(width)], bool(above)
+        units = _by_name(names, below)
     for name in names:
         if names.count(name) > 1:
-            raise DataError(f"{path}: line {kept[0][0]}: two columns are called {name!r}")
-    samples = kept[1:] if named else kept
-    units: dict[str, str] = {}
-    if named and len(samples) > 1 and (below := _units_row(samples[0][1].split(separator), len(names))):
-        samples, units = samples[1:], {name: unit for name, unit in zip(names, below, strict=True) if unit}
+            raise DataError(f"{path}: line {kept[0][0]}: two columns are called {name!r}; give each a name of its own")
     if not samples:
         raise DataError(f"{path}: the file has a header but no samples")
     for i, s in samples:
         fields = s.count(separator) + 1
-        if fields != len(names) and '"' not in s:
+        if fields != len(names) and ('"' not in s or (fields := len(_cells(s, separator))) != len(names)):
             raise DataError(f"{path}: line {i}: {fields} columns; expected {len(names)}")
     table = csv.read_csv(
         io.BytesIO("\n".join(s for _, s in samples).encode()),
@@ -71,11 +88,13 @@ def read(path: Path) -> Table:
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
     for name in names:
-        column, wrong = _numbers(table[name])
+        column, wrong = _numbers(table[name], comma)
         if column is None:
             unusable[name] = f"line {samples[wrong][0]}: {table[name][wrong].as_py()!r} is not a number"
         else:
-            columns[name] = column
+            parts = real_and_imaginary(name, column)
+            columns |= parts
+            units |= dict.fromkeys(parts, units[name]) if name in units else {}
     return Table(columns, unusable, named, np.array([i for i, _ in samples]), units)
 
 
@@ -90,23 +109,75 @@ def _text(path: Path) -> str:
     data = path.read_bytes()
     if path.name.lower().endswith(".gz"):
         data = gzip.decompress(data)
-    if b"\0" in data[:4096]:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = data.decode("utf-16")  # as Excel and PowerShell write it
+    elif b"\0" in data[:4096]:
         raise DataError(f"{path}: not a text file; expected columns of numbers")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")  # a degree or micro sign in a header from a Windows machine
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")  # a degree or micro sign from a Windows machine
+    return text.replace("\N{MINUS SIGN}", "-")
 
 
-def _without_preamble(kept: list[tuple[int, str]]) -> list[tuple[int, str]]:
+def _cells(line: str, separator: str) -> list[str]:
+    if '"' not in line:
+        return [c.strip() for c in line.split(separator)]
+    return [c.strip() for c in next(reader([line], delimiter=separator, skipinitialspace=True))]
+
+
+def _squeezed(kept: Lines) -> Lines:
+    return [(i, re.sub(r"\s+", " ", s.strip())) for i, s in kept]
+
+
+def _without_last(kept: Lines, separator: str) -> Lines:
+    """The lines without the separator at the end of every row, and of the header where it has one."""
+    if not all(s.rstrip(" ").endswith(separator) for _, s in kept[1:]):
+        return kept
+    head, row = kept[0][1].rstrip(" "), kept[-1][1]
+    if not head.endswith(separator) and head.count(separator) == row.count(separator):
+        return kept  # a column that is empty
+    return [(i, s.rstrip(" ").removesuffix(separator)) for i, s in kept]
+
+
+def _refuse_points(path: Path, kept: Lines, separator: str) -> None:
+    """Raises DataError where a number has a decimal point among others with a comma: one of them groups digits."""
+    for i, s in kept:
+        for cell in _cells(s, separator) if "." in s else ():
+            if _POINT.fullmatch(cell):
+                other = next((c, k) for k, line in kept for c in _cells(line, separator) if _has_decimal_comma([c]))
+                raise DataError(f"{path}: line {i}: {cell!r} has a point and {other[0]!r} in line {other[1]} a comma; "
+                                "write every number with the same decimal mark and without marks between thousands")
+
+
+def _names_above(comments: list[str], separator: str, width: int) -> tuple[list[str], list[str]]:
+    """Names and units of the columns where the comment right above them tells, else []."""
+    rows = []
+    for line in reversed(comments[-2:]):
+        text = line.strip()
+        hash_alone = re.match(r"[#%]\s*" + re.escape(separator.strip() or "\t"), text)
+        text = text if hash_alone else text.lstrip("#% \t")
+        cells = _cells(text, separator) if separator != " " else re.split(r"\s{2,}|\t", text)
+        rows.append(cells if len(cells) == width or separator != " " else text.split())
+    if len(rows) > 1 and (units := _units_row(rows[0], width)) and _is_named(rows[1], width):
+        return rows[1], units
+    return (rows[0], []) if rows and _is_named(rows[0], width) and len(set(rows[0])) == width > 1 else ([], [])
+
+
+def _by_name(names: list[str], units: list[str]) -> dict[str, str]:
+    return {name: unit for name, unit in zip(names, units, strict=False) if unit}
+
+
+def _without_preamble(kept: Lines) -> Lines:
     """The lines from the header on, where others stand before it that are no rows of the table.
 
     The header is the last line with a name in each cell before the first with a number in each; above it stands at
     least one line of another width.
     """
     for mark in ";\t,":
-        rows = [[c.strip().strip('"') for c in s.split(mark)] for _, s in kept[: _MOST_PREAMBLE + 2]]
-        width = len(kept[-1][1].split(mark))
+        rows = [_cells(s, mark) for _, s in kept[: _MOST_PREAMBLE + 2]]
+        width = len(_cells(kept[-1][1], mark))
         if width < 2:
             continue
         numbers = [len(r) == width and all(c and _is_number(c.replace(",", ".")) for c in r) for r in rows]
@@ -131,7 +202,7 @@ def _units_row(cells: list[str], width: int) -> list[str]:
     return found if named and any(map(is_unit, found)) else []
 
 
-def _separator(kept: list[tuple[int, str]]) -> str:
+def _separator(kept: Lines) -> str:
     """Of the columns: semicolon, tab, comma or " ", by the first line; commas inside numbers are decimal ones."""
     cells = kept[-1][1].split()
     numbers = [_NUMBER.fullmatch(c) or (i == 0 and "," not in c) for i, c in enumerate(cells)]
@@ -140,41 +211,64 @@ def _separator(kept: list[tuple[int, str]]) -> str:
 
 
 def _has_decimal_comma(cells: list[str]) -> bool:
-    return any("," in c and _NUMBER.fullmatch(c.strip().strip('"')) for c in cells)
+    return any("," in c and _NUMBER.fullmatch(c) for c in cells)
 
 
-def _lying(path: Path, kept: list[tuple[int, str]], separator: str, comma: bool) -> Table | None:
-    """A table with a line per quantity, each with its name in front; None where the lines are not of that kind."""
+def _with_points(cells: list[str], comma: bool) -> list[str]:
+    return [c.replace(",", ".") for c in cells] if comma else cells
+
+
+def _lying(path: Path, kept: Lines, separator: str, comma: bool) -> Table | None:
+    """A table with a line per quantity, each with its name in front, and its unit perhaps; None where there is none."""
     if not 2 <= len(kept) <= _FEW:
         return None
+    rows = [_cells(line, separator) for _, line in kept]
+    stated = all(len(r) > 3 and r[1] and not _is_number(r[1].replace(",", ".")) for r in rows)
     columns: dict[str, Array] = {}
-    for i, line in kept:
-        name, *cells = [s.strip().strip('"') for s in (line.replace(",", ".") if comma else line).split(separator)]
-        if len(cells) < 2 or _is_number(name) or not all(map(_is_number, cells)):
+    units: dict[str, str] = {}
+    for (i, _), row in zip(kept, rows, strict=True):
+        name, cells = row[0].rstrip(":= "), _with_points(row[2 if stated else 1 :], comma)
+        if len(cells) < 2 or _is_number(_with_points([name], comma)[0]) or not all(map(_is_number, cells)):
             return None
         if name in columns:
             raise DataError(f"{path}: line {i}: two lines are called {name!r}")
-        columns[name] = np.array([float(c) if c else np.nan for c in cells])
-    return Table(columns)
+        parts = real_and_imaginary(name, np.array([_complex(c) for c in cells]))
+        columns |= parts
+        units |= dict.fromkeys(parts, row[1].strip("[]()")) if stated else {}
+    return Table(columns, units=units)
 
 
 def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
-        return text == ""
+        return text == "" or not np.isnan(_complex(text))
     return True
 
 
-def _numbers(column: pa.ChunkedArray) -> tuple[Array | None, int]:
+def _complex(text: str) -> complex:
+    """A number as text, "1.5", "1.5D-3", "1.5-2i" or "(1.5-2j)"; nan where it is none."""
+    plain = _FORTRAN.sub(r"\1e\2", text.strip())
+    if plain[-1:] in "ij)":
+        plain = re.sub(r"\s", "", plain).strip("()").replace("*", "").replace("i", "j")
+    try:
+        return complex(plain)
+    except ValueError:
+        return complex(np.nan)
+
+
+def _numbers(column: pa.ChunkedArray, comma: bool) -> tuple[NDArray[Any] | None, int]:
     """A column as numbers, or the first sample that is none."""
     if pa.types.is_string(column.type):
         column = pc.utf8_trim_whitespace(column)
         try:
             return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False)), 0
         except pa.ArrowInvalid:
-            cells = column.to_pylist()
-            return None, next((i for i, s in enumerate(cells) if s is not None and not _is_number(s)), 0)
+            cells = _with_points([s or "" for s in column.to_pylist()], comma)
+            wrong = next((i for i, s in enumerate(cells) if not _is_number(s)), None)
+            if wrong is not None:
+                return None, wrong
+            return np.array([_complex(s) for s in cells]), 0
     if pa.types.is_null(column.type):
         return np.full(len(column), np.nan), 0
     if pa.types.is_floating(column.type) or pa.types.is_integer(column.type):

@@ -24,11 +24,12 @@ from . import Array, Table
 SUFFIXES = (".parquet", ".pq")
 
 _INFO = Path("meta") / "info.json"
+_NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_decimal)
 _ABOVE = 3  # folders: data/chunk-000/file-000.parquet
 
 
 def read(path: Path) -> Table:
-    table = pq.ParquetFile(path).read()
+    table = pq.ParquetFile(path).read().flatten()  # of a struct, as of a complex number, "name.real" and "name.imag"
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
     for i, name in enumerate(table.column_names):
@@ -42,7 +43,7 @@ def read(path: Path) -> Table:
             else:
                 labels = _labels(path, name, len(places))
                 columns |= {f"{name}.{label}": place for label, place in zip(labels, places, strict=True)}
-        elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+        elif any(is_kind(kind) for is_kind in _NUMBERS):
             numbers = pc.cast(table.column(i), pa.float64(), safe=False)
             columns[name] = numbers.to_numpy().astype(float)
         else:
@@ -59,7 +60,7 @@ def write(path: Path, columns: Mapping[str, Array]) -> None:
 def _places(column: Any) -> list[Array] | str:
     """(n,) numbers at each place of lists of one length, or why there are none."""
     kind = column.type.value_type
-    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
+    if not any(is_kind(kind) for is_kind in _NUMBERS):
         return f"it holds lists of {kind}, not of numbers"
     lengths = set(pc.list_value_length(column).to_pylist())
     if len(lengths) != 1 or lengths <= {None, 0}:
