@@ -24,7 +24,7 @@ from .servo_observation import ServoObservation
 
 Array = NDArray[np.float64]
 
-_ORDERS = 48  # harmonics tried per revolution
+ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
@@ -160,7 +160,7 @@ def _grid(
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset.
         turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-        return [n for n in range(1 if effect.modulates else 2, _ORDERS + 1) if n * turn >= 1]
+        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= 1]
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.

@@ -12,6 +12,7 @@ from scipy import signal
 from .frf_observation import FrfObservation
 from .inverse import Observation
 from .misfit import Misfit
+from .place_spectrum import wave
 from .servo_observation import ServoObservation, errors_of
 
 Array = NDArray[np.float64]
@@ -55,8 +56,14 @@ def describe(misfit: Misfit, vector: Array) -> str:
     position = np.concatenate([o.position[o.index] for o, _ in runs])
     velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
     residual = np.concatenate([p for _, p in runs])
-    turn = np.mod(position, 2 * math.pi)
-    for x, what in ((turn, "tied to the place on the revolution"), (velocity, "tied to velocity")):
+    hinge = plant.kind == "hinge"
+    turns = hinge and np.ptp(position) > 2 * math.pi
+    place, where_on = (np.mod(position, 2 * math.pi), "place on the revolution") if turns else (position, "place")
+    period, share = wave(position, residual)
+    if share > _NOTABLE:
+        every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
+        said.append(f"in waves over the place, one every {every} ({100 * share:.0f} %)")
+    for x, what in ((place, f"tied to the {where_on}"), (velocity, "tied to velocity")):
         share = _explained(x, residual)
         if share > _NOTABLE:
             said.append(f"{what} ({100 * share:.0f} %)")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from .candidates import (
+    ORDERS,
     at_strengths,
     grows,
     has_phase,
@@ -32,8 +33,10 @@ from .candidates import (
 )
 from .effect import Effect
 from .held_out import HeldOut
+from .inverse import Observation, count_size
 from .linear_model import LinearModel
 from .misfit import Misfit
+from .place_spectrum import standing_out
 from .scales import Scales
 from .tall import gram, squared
 
@@ -42,6 +45,9 @@ Array = NDArray[np.float64]
 _FINER = (1.41, 1.19)  # factors between the values of a grid
 _TOGETHER = 6  # harmonics that may be added at once
 _STANDS_OUT = 0.2  # of what the others leave of the squared residual, which one more must take
+_MOST_ORDERS = 4000  # per revolution
+_FEWEST_COUNTS = 6  # of the encoder in a period
+_SLOW = 0.2  # of the time, at least, in which a harmonic must be slow enough for the band
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
 _STEP = 1e-3  # of the typical strength, for the derivative
 
@@ -102,7 +108,7 @@ class Screen:
         An effect of several elements that the plant has already is given one more.
         """
         best = _Best()
-        tried = list(shapes(effect, self.scales, self.misfit.observations, self.plant))
+        tried = [*shapes(effect, self.scales, self.misfit.observations, self.plant), *self._finer(effect)]
         for shape in tried:
             self._try(best, effect, shape)
         # Between the values of the grid, as far as the best by its tangents leads.
@@ -138,6 +144,21 @@ class Screen:
     def _goes_round(self) -> bool:
         """Whether a record turns once: on less, harmonics together are any curve over the position."""
         return max(float(np.ptp(o.position)) for o in self.misfit.observations) >= 2 * math.pi
+
+    def _finer(self, effect: type[Effect]) -> list[dict[str, float]]:
+        """Harmonics beyond those that are all tried, that stand out of the residual over the place."""
+        runs = [o for o in self.misfit.observations if isinstance(o, Observation)]
+        if not grows(effect) or not runs or len(runs) < len(self.misfit.observations):
+            return []
+        place = np.concatenate([o.position[o.index] for o in runs])
+        speed = np.concatenate([o.velocity[o.index] for o in runs])
+        slow = float(np.quantile(np.abs(speed[self.model.determined]), _SLOW))
+        seen = min(2 * math.pi * o.bandwidth / max(slow, 1e-300) for o in runs)  # faster than the band follows
+        read = min(2 * math.pi / (_FEWEST_COUNTS * max(count_size(o.record), 1e-300)) for o in runs)
+        torque = self.model.residual * (np.sign(speed) if effect.modulates else 1.0)
+        known = np.atleast_1d(self.plant[effect.name].values["harmonics"]) if effect.name in self.plant else ()
+        found = standing_out(place, torque, ORDERS + 1, int(min(seen, read, _MOST_ORDERS)))
+        return [{"harmonics": float(n)} for n in found if n not in known]
 
     def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
         """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.

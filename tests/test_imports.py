@@ -12,7 +12,7 @@ LAYERS = [
     {"errors", "parameter", "version", "registration"},
     {"files", "units", "timing", "progress", "figure", "tall", "noise_band", "residual_maps", "native", "excitation",
      "spectra", "threads"},
-    {"harmonics", "frf_units"},
+    {"harmonics", "frf_units", "place_spectrum"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
     {"servo_run", "plant", "coordinates", "grid", "sampling"},

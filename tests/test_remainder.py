@@ -57,6 +57,17 @@ def test_a_place_on_the_revolution_is_said(records: list[Record]) -> None:
     assert "periodic in time" not in said and "instant" not in said
 
 
+@pytest.mark.parametrize("kind, said", [("hinge", "0.299 rad, 21 to a revolution"), ("slide", "0.299 m")])
+def test_waves_over_the_place_are_said_with_their_length(kind: str, said: str) -> None:
+    records = runs(HEALTHY)
+    waves = [0.1 * LEVEL * np.sin(21 * r.position) for r in records]
+    plant = replace(HEALTHY, kind=kind)
+    there = [_with([r], w, (0,))[0] for r, w in zip(records, waves, strict=True)]
+    found = _of(plant, there)
+    assert f"in waves over the place, one every {said}" in found
+    assert kind == "hinge" or "revolution" not in found
+
+
 def test_velocity_is_said() -> None:
     said = _of(HEALTHY, runs(HEALTHY + effects.QuadraticDrag(coefficient=LEVEL / 30**2)))
     assert "tied to velocity" in said and "instant" not in said

@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, run, runs
 
 from gms_mujoco import effects
 from gms_mujoco.candidates import applicable, has_phase, strengths
+from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import FitResult, fit, refine
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.plant import Plant
@@ -66,6 +67,19 @@ def test_a_joint_fit_starts_near_the_hidden_effect(screened: dict, name: str) ->
 
 def test_the_harmonic_is_found(screened: dict) -> None:
     assert screened["cogging"][1]["cogging"].effect.harmonics == (6.0,)
+
+
+@pytest.mark.parametrize("name", ["cogging", "position_dependent_friction"])
+def test_a_harmonic_of_a_gear_is_found_however_high(name: str) -> None:
+    """Two periods to a turn of a motor that turns a hundred times as fast as the joint."""
+    size = {"cogging": 0.1 * LEVEL, "position_dependent_friction": 0.1}[name]
+    slow = HEALTHY.replace(effects.Viscous(coefficient=3e-3))
+    truth = slow + effects.find(name)(harmonics=[200], amplitude=[size], phase=[0.4])
+    torques = [multisine(4000, SAMPLE_TIME, 0.5, 3.0, 2 * LEVEL, np.random.default_rng(i)) for i in range(2)]
+    found = fit(UNKNOWN, [run(truth, u, i) for i, u in enumerate(torques)])
+    candidate = Screen(found.misfit, found.vector).candidate(effects.find(name))
+    assert candidate is not None and candidate.effect.values["harmonics"] == (200.0,)
+    assert candidate.gain > 0.3
 
 
 @every_hidden
