@@ -286,7 +286,7 @@ def _fleet(options: argparse.Namespace) -> None:
 def _frf(options: argparse.Namespace) -> None:
     from .dahl_resonance import identify_dahl
     from .frf import estimate_frf, join_sines, to_csv
-    from .resonance import find_resonance
+    from .resonance import antiresonances, find_resonance
 
     output = files.expect_writable(options.output) if options.output else None
     for key in ("period", "segment"):
@@ -316,6 +316,9 @@ def _frf(options: argparse.Namespace) -> None:
         coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
         print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
               f"{coherence:>9}")
+    for f in found:
+        if dips := [f"{at:.4g} Hz ({low:.4g} to {high:.4g})" for at, low, high in antiresonances(f)]:
+            print(f"{f.name}: antiresonance at {', '.join(dips)}, with 95 % intervals")
     print()
     try:
         print(_reading(identify_dahl([f for f in found if f.use == "fit"], runs.inertia, kind=runs.kind), runs.kind))

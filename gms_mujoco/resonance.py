@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MASS_LINE = 4.0  # times the resonance: where the mass line begins
+_DEEP = 2.0  # times its magnitude, that a response must reach on both sides of an antiresonance
+_SURE = 4.0  # standard deviations, by which it must
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,36 @@ def find_antiresonance(
     margin = 0.05 * float(part.frequency[at + 1] - part.frequency[at - 1]) / 2
     ends = np.percentile([dip(g + scatter * e) for e in noise], (2.5, 97.5))
     return center, float(min(ends[0], center) - margin), float(max(ends[1], center) + margin)
+
+
+def antiresonances(frf: FRF) -> list[tuple[float, float, float]]:
+    """Every antiresonance that stands out of the response, with its 95 % interval (`find_antiresonance`).
+
+    On both sides of one the magnitude reaches at least twice what it is there, by more than the noise, before it falls
+    below. Medians of three points must see that, so that one outlier makes no dip; a dip with fewer than eight points
+    between its shoulders is not read.
+
+    Returns:
+        Frequency, and the ends of its interval [Hz], from low to high.
+    """
+    size = np.abs(frf.response)
+    sigma = np.zeros(len(frf)) if frf.sigma is None else frf.sigma
+    sure = size - _SURE * sigma  # at least so large
+    sure[1:-1] = np.median([sure[:-2], sure[1:-1], sure[2:]], axis=0)
+    found: list[tuple[float, float, float]] = []
+    inner = np.flatnonzero((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])) + 1
+    for i in inner:
+        lower = np.flatnonzero(size < size[i])
+        first = int(lower[lower < i].max(initial=-1)) + 1
+        last = int(lower[lower > i].min(initial=len(frf)))
+        shoulders = np.array([first + sure[first:i].argmax(), i + 1 + sure[i + 1 : last].argmax()])
+        if sure[shoulders].min() > _DEEP * float(np.median(size[i - 1 : i + 2])):
+            low, high = frf.frequency[shoulders]
+            try:
+                found.append(find_antiresonance(frf, float(low), float(high)))
+            except DataError:
+                continue
+    return found
 
 
 def secant_curve(resonances: Sequence[Resonance], inertia: float, distance: Array) -> Array:

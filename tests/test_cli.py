@@ -201,6 +201,16 @@ def test_frf_of_a_folder_with_responses_alone(tmp_path: Path, capsys: pytest.Cap
     refuses(capsys, "no such file or folder", argv=["frf", tmp_path / "none"])
 
 
+def test_frf_prints_the_antiresonance_of_a_flexible_axis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    f = np.geomspace(1, 30, 60)
+    curve = (7.3**2 - f**2 + 0.2j * f) / (20**2 - f**2 + 2j * f)
+    rows = "".join(f"{a:.9g},{g.real:.9g},{g.imag:.9g}\n" for a, g in zip(f, curve, strict=True))
+    (tmp_path / "a.csv").write_text("f [Hz],real,imag\n" + rows)
+    (tmp_path / "dataset.toml").write_text('[[frf]]\nfile = "a.csv"\ninput = "voltage"\noutput = "position"\n')
+    assert cli.main(["frf", str(tmp_path)]) == 0
+    assert "a.csv: antiresonance at 7.298 Hz (7.2" in capsys.readouterr().out
+
+
 def test_view_wants_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     refuses(capsys, "recording.rrd", argv=["view", tmp_path])
     (tmp_path / "data.csv").touch()
