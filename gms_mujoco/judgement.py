@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .candidates import absent, is_possible, is_present
+from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
 from .fit import FitResult
 from .held_out import HeldOut, p_value
 from .linear_model import LinearModel, determined
 from .misfit import Misfit
+from .plant import Plant
 from .speed_curve import curve
 
 Array = NDArray[np.float64]
@@ -95,6 +96,18 @@ def finalists(
 def swings(effect: Effect) -> bool:
     """Whether an effect is a part of the mechanism that swings at a frequency of its own."""
     return effect.kind == "mechanics" and any(p.unit == "Hz" for p in effect.parameters)
+
+
+def least_share(plant: Plant, effect: Effect) -> float:
+    """What an effect that is added, or grows, has to take at least of the squared error that is not noise.
+
+    One more of the harmonics that are all tried is no new cause. One of thousands that were looked through has more
+    chances to stand out, and has to show as much as a new effect.
+    """
+    if effect.name not in plant:
+        return LEAST_SHARE
+    new = np.setdiff1d(effect.values["harmonics"], plant[effect.name].values["harmonics"])
+    return LEAST_SHARE if np.any(new > ORDERS) else 0.0
 
 
 def takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:

@@ -171,7 +171,9 @@ class Screen:
         least = _STANDS_OUT / 4 if begun else _STANDS_OUT
         shape = best.shape
         chosen = [next(t for t in best.tried if t[0] == shape)]
-        others = [t for t in best.tried if t[0] != shape]
+        # Of thousands some stand out by chance beside a strong one: what is finer is looked at once that is there.
+        finest = max(ORDERS, shape["harmonics"])
+        others = [t for t in best.tried if t[0] != shape and t[0]["harmonics"] <= finest]
         while True:
             basis = linalg.orth(np.column_stack([free for *_, free in chosen]))
             left = self.model.target - basis @ (basis.T @ self.model.target)

@@ -28,6 +28,7 @@ from .judgement import (
     discoveries,
     finalists,
     floor_of,
+    least_share,
     left_of,
     simplest,
     swings,
@@ -200,7 +201,7 @@ class Search:
             t
             for t in trials
             if t.name in passed
-            and self.is_worth_it(t.result, t.held_out, 0.0 if t.name in now.result.plant else LEAST_SHARE)
+            and self.is_worth_it(t.result, t.held_out, least_share(now.result.plant, t.result.plant[t.name]))
             and carries(t.name, now.result, t.result)
             and self.selects(t.result)
         ]

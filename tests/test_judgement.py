@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, discoveries, finalists
+from gms_mujoco import effects
+from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
+from gms_mujoco.plant import Plant
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
@@ -28,3 +30,11 @@ def test_two_finalists_that_do_the_same_make_room_for_a_third(second: tuple[floa
              ("c", left(2.0, 1.5), np.empty(0))]  # fmt: skip
     assert [name for name, *_ in finalists(current, rough)] == ["a", "b", "c"][:taken]
     assert finalists(current, rough[:1]) == rough[:1]
+
+
+def test_a_series_goes_on_with_a_usual_harmonic_at_no_least_share() -> None:
+    teeth = effects.Cogging(harmonics=[6], amplitude=[1e-3], phase=[0.4])
+    grown = {n: teeth.replace(harmonics=[6, n], amplitude=[1e-3, 1e-4], phase=[0.4, 0.0]) for n in (12, 561)}
+    plant = Plant.axis(1e-5) + teeth
+    assert least_share(plant, grown[12]) == 0 and least_share(plant, grown[561]) == LEAST_SHARE
+    assert least_share(Plant.axis(1e-5), grown[12]) == LEAST_SHARE
