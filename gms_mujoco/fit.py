@@ -17,6 +17,7 @@ from .least_squares import nudge, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
 from .observe import Data, driven, observe
+from .placement import placed
 from .plant import Plant
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
@@ -143,7 +144,7 @@ def fit_observations(
     report = progress or (lambda done, message: None)
     misfit, x = rough_fit(plant, observations, fixed, report)
     report(0.5, "refining")
-    found = refine(misfit, x, max_steps=40)
+    found = fit_to_end(misfit, x, fixed, max_steps=40)
     again = _doubting(found)
     return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
 
@@ -222,9 +223,20 @@ def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
     return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
 
 
+def fit_to_end(misfit: Misfit, x: Array, fixed: Collection[str] = (), max_steps: int = 20) -> FitResult:
+    """The fit that a rough one leads to, with friction elements where they do most."""
+    x = solve(misfit, misfit.settle(x), max_steps)
+    better, there = placed(misfit, x, fixed)
+    return _finished(misfit, x, max_steps) if better is misfit else refine(better, there, max_steps)
+
+
 def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
     """The fit next to a vector that is already close, until no step would move it by much of an interval."""
-    x = solve(misfit, misfit.settle(x), max_steps)
+    return _finished(misfit, solve(misfit, misfit.settle(x), max_steps), max_steps)
+
+
+def _finished(misfit: Misfit, x: Array, max_steps: int) -> FitResult:
+    """What a solution says, with its last steps on finer grids."""
     for _ in range(2 if any(isinstance(o, Observation) for o in misfit.observations) else 0):
         x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / max(len(misfit.residual(x)), 1))
     return _result(misfit, _agreed(misfit, x, max_steps // 2))

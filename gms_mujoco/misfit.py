@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinates
+from .effect import Effect
 from .first_state import search_state
 from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
@@ -403,6 +404,28 @@ class Misfit:
                 there[place] += steps[states]
                 rows[:, states] = ((torque(memory=there) - base) / (there[place] - memory[place])[:, None]).T
                 done[states] = True
+
+    def of_elements(self, x: Array, effect: Effect, parent: NDArray[np.intp]) -> Array:
+        """(elements, m) what each element of a separable effect does to the residual.
+
+        Args:
+            x: a vector; the effect stands in the place of that of its name.
+            parent: (elements,) the element of the plant at `x` in whose state each begins a record.
+        """
+        here = self._plant(x)
+        part, own = here.replace(effect).part(effect.name), here.memory_places[effect.name]
+        number = [e.name for e in part.effects if e.is_native].index(effect.name)
+        place, joint = part.memory_places[effect.name], part.joint()
+
+        def one(k: int) -> Array:
+            i, o = self._seen[k]
+            memory, before = self.memory(x, i), None
+            if memory is not None:
+                before = np.zeros(joint.n_memory)
+                before[place] = memory[own][parent]
+            return o.elements(part, joint, number, before)
+
+        return np.concatenate(each(one, range(len(self._seen))), axis=1)
 
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""

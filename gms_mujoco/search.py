@@ -14,7 +14,7 @@ from . import effects
 from .candidates import applicable, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import FitResult, Progress, acting_early, fewer, fit_observations, refine, rough_fit
+from .fit import FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -437,7 +437,7 @@ class Search:
 
     def _refitted(self, misfit: Misfit, x: Array) -> FitResult:
         """A rough joint fit, made on some of the observations, taken to its end on all."""
-        return refine(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+        return fit_to_end(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
 
     def best(self, result: FitResult) -> FitResult:
         """The same joint fit, or above the noise floor that from the beginning where it leaves less.

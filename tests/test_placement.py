@@ -1,0 +1,72 @@
+"""Placement: elements in the wrong places find the right ones, and those in the right places stay."""
+
+import numpy as np
+import pytest
+from bench import LEVEL, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.least_squares import solve
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
+from gms_mujoco.placement import placed
+from gms_mujoco.plant import Plant
+
+DISTANCE = np.array([2e-3, 4e-3, 12e-3, 24e-3])
+LAW = {"coulomb": LEVEL, "static": 1.1 * LEVEL, "stribeck_velocity": 0.5, "attraction": 0.5}
+
+
+def axis(distance: np.ndarray, share: np.ndarray) -> Plant:
+    gms = effects.GMS(stiffness=share * LEVEL / distance, fraction=share, **LAW)
+    return Plant.axis(J) + gms + effects.Viscous(coefficient=1e-5)
+
+
+TRUE = axis(DISTANCE, np.array([0.3, 0.25, 0.25, 0.2]))
+# Two stand where there is one, and one where there are two.
+WRONG = axis(np.array([1.9e-3, 2.1e-3, 4e-3, 17e-3]), np.array([0.15, 0.15, 0.25, 0.45]))
+
+
+def solved(plant: Plant, seconds: float = 2.0) -> tuple[Misfit, np.ndarray]:
+    misfit = Misfit(plant, observe(runs(TRUE, seconds=seconds), J))
+    return misfit, solve(misfit, misfit.settle(misfit.vector(plant)))
+
+
+def distances(misfit: Misfit, x: np.ndarray) -> np.ndarray:
+    gms = misfit.coordinates.decode(x[: misfit.coordinates.size])["gms"]
+    return np.sort(gms.fraction * np.asarray(gms.coulomb) / gms.stiffness)
+
+
+def test_two_elements_of_a_kind_become_one_and_the_one_between_two_is_parted() -> None:
+    misfit, x = solved(WRONG)
+    best, at_best = solved(TRUE)
+    least = best.cost(at_best)
+    assert misfit.cost(x) > 3 * least
+    better, y = placed(misfit, x)
+    y = solve(better, y)
+    assert better.cost(y) < 1.2 * least
+    np.testing.assert_allclose(distances(better, y), DISTANCE, rtol=0.1)
+
+
+def test_elements_in_the_right_places_stay() -> None:
+    misfit, x = solved(TRUE)
+    assert placed(misfit, x) == (misfit, x)
+
+
+@pytest.mark.parametrize("fixed", ["gms.stiffness", "gms.fraction"])
+def test_what_is_fixed_stays(fixed: str) -> None:
+    misfit = Misfit(WRONG, observe(runs(TRUE, seconds=0.5), J), [fixed])
+    x = misfit.vector(WRONG)
+    assert placed(misfit, x, [fixed]) == (misfit, x)
+    few = Plant.axis(J) + effects.GMS(stiffness=[1.0, 0.1], fraction=[0.5, 0.5], **LAW)
+    misfit = Misfit(few, misfit.observations)
+    assert placed(misfit, x := misfit.vector(few)) == (misfit, x)
+
+
+def test_elements_alone_do_to_the_residual_what_they_do_together() -> None:
+    misfit, x = solved(WRONG, 0.5)
+    x[misfit.n_common :] = np.linspace(-0.8, 0.8, misfit.size - misfit.n_common)
+    each = misfit.of_elements(x, WRONG["gms"], np.arange(4))
+    without = Misfit(WRONG.without("gms"), misfit.observations)
+    plant = WRONG.without("gms")
+    rest = without.residual(without.vector(plant, None, misfit.skew(x)))
+    here = misfit.vector(WRONG, misfit.memories(x, misfit.n_memory), misfit.skew(x))
+    np.testing.assert_allclose(rest + each.sum(0), misfit.residual(here), atol=1e-3 * LEVEL)
