@@ -21,6 +21,7 @@ from .dahl_resonance import DahlReading, identify_dahl
 from .dataset import Dataset, load
 from .diagnose import Diagnosis, diagnose
 from .effect import Effect
+from .elements import choose_elements
 from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
 from .excitation import Excitation
@@ -59,6 +60,7 @@ __all__ = [
     "__version__",
     "attach",
     "baseline",
+    "choose_elements",
     "compare",
     "diagnose",
     "effects",

@@ -194,7 +194,9 @@ def estimate_frf(
     Where the input repeats itself, whole periods are averaged, after the first ones are discarded; the points are the
     excited lines. Otherwise averaged windowed segments are used (Welch). Both are H = S_yr / S_ur with r = u ("h1")
     or r the reference of a closed loop ("indirect", without the bias that feedback of noise gives h1).
-    One strong line with weak ones beside it is a sine that the loop or the drive distorts: it gives one point.
+    One strong line with weak ones beside it is a sine that the loop or the drive distorts: it gives one point. What
+    still moves freely beside it is taken off, and its noise is read from the lines between its harmonics (see
+    `find_free_motion`), where three on each side can be told apart.
     Several records are realisations of one experiment (the same amplitude; other phases or noise): they are averaged,
     and with periods in each of them noise and nonlinear distortion are told apart (best linear approximation:
     Pintelon and Schoukens, System Identification, 2nd ed., chapters 3 and 4).

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError
+from .free_motion import FreeMotion, find_free_motion
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -71,10 +72,14 @@ def period_spectra(x: Array, n: int, transient: int) -> Complex:
     """(periods, n // 2 + 1) complex amplitudes of each whole period of a signal, after the first ones."""
     count = len(x) // n
     kept = x[transient * n : count * n].reshape(-1, n)
-    if len(kept) > 1:  # an axis without a spring creeps; a straight drift would leak over all lines
-        middle = np.arange(len(kept)) - (len(kept) - 1) / 2
-        kept = kept - (middle @ kept.mean(1)) / (middle @ middle) / n * (np.arange(n) - (n - 1) / 2)
-    return np.asarray(np.fft.rfft(kept, axis=1) * (2 / n))
+    return np.asarray(np.fft.rfft(kept - _drift(kept) * (np.arange(n) - (n - 1) / 2), axis=1) * (2 / n))
+
+
+def _drift(periods: Array) -> float:
+    """Per sample, of periods (p, n): an axis without a spring creeps; a straight drift would leak over all lines."""
+    p, n = periods.shape
+    middle = np.arange(p) - (p - 1) / 2
+    return float(middle @ periods.mean(1) / (middle @ middle) / n) if p > 1 else 0.0
 
 
 def periodic(
@@ -93,6 +98,9 @@ def periodic(
         raise DataError(f"{name}: the input does not vary; nothing is excited")
     U, Y, R = ([x[:, lines] for x in xs] for xs in (U, Y, R))
     um, ym, rm = ([x.mean(0) for x in xs] for xs in (U, Y, R))
+    free = _free_motions(us, ys, n, transient, int(lines[0])) if len(lines) == 1 else []
+    for y, f in zip(ym, free, strict=False):
+        y -= f.at_sine
     weight = sum(np.abs(r) ** 2 for r in rm)
     su = sum(u * r.conj() for u, r in zip(um, rm, strict=True))
     sy = sum(y * r.conj() for y, r in zip(ym, rm, strict=True))
@@ -102,10 +110,15 @@ def periodic(
         "excitation": np.sqrt(np.mean([np.abs(u) ** 2 for u in um], 0)),
         "amplitude": np.sqrt(np.mean([np.abs(y) ** 2 for y in ym], 0)),
     }
-    if count > len(U):  # of a record with several periods the scatter about their mean is noise
+    if free:
+        noise = np.array([np.mean([f.noise * len(u) for f, u in zip(free, U, strict=True)])])
+    elif count > len(U):  # of a record with several periods the scatter about their mean is noise
         noise = sum(
             np.sum(np.abs((y - y.mean(0)) - response * (u - u.mean(0))) ** 2, 0) for u, y in zip(U, Y, strict=True)
         ) / (count - len(U))
+    else:
+        noise = None
+    if noise is not None:
         values["sigma"] = np.sqrt(noise / count * weight * len(U)) / np.abs(su)
         total = sum(np.sum(np.abs(y) ** 2, 0) for y in Y)
         values["coherence"] = np.clip(1 - noise * count / np.maximum(total, 1e-300), 0, 1)
@@ -117,7 +130,20 @@ def periodic(
             spread = np.maximum(spread, values["sigma"])
         values["sigma"] = spread
     note = f"mean of {count} periods of {n * h:g} s ({len(U)} records, the first {transient} periods of each discarded)"
+    if any(f.at_sine for f in free):
+        note += ", free motion taken off"
     return lines / (n * h), response, values, note
+
+
+def _free_motions(us: list[Array], ys: list[Array], n: int, transient: int, line: int) -> list[FreeMotion]:
+    """Of each record; empty where its lines are too few."""
+    found = []
+    for u, y in zip(us, ys, strict=True):
+        count = len(u) // n
+        kept = [x[transient * n : count * n] for x in (u, y)]
+        flat = [x - _drift(x.reshape(-1, n)) * np.arange(len(x)) for x in kept]
+        found.append(find_free_motion(flat[0], flat[1], count - transient, line))
+    return [f for f in found if f is not None] if None not in found else []
 
 
 def add_quantisation(values: dict[str, Array], count: float, n: int) -> None:

@@ -51,8 +51,9 @@ def stepped_sine(
         sample_time: [s].
         periods: in a window, the stretch that is averaged.
         windows: averaged.
-        transient: windows discarded. Below break-away little but drag damps a free motion, which lasts 2 inertia / drag
-            and longer: where that is more than two windows, discard more.
+        transient: windows discarded, during which the sine sets in. A free motion that lasts longer (where little but
+            drag damps it, 2 inertia / drag) is taken off, except one at the frequency of the sine itself, to within
+            1 over the time averaged: there discard more.
         tolerance: of the held amplitude, relative.
         controller: makes a controller for each run, such as `lambda: control.PID(J, h)`; None: open loop.
         seed: of the noise of the bench.

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 LAYERS = [
     {"errors", "parameter", "version", "registration"},
     {"files", "units", "timing", "progress", "figure", "tall", "noise_band", "residual_maps", "native", "excitation",
-     "spectra", "threads"},
+     "free_motion", "spectra", "threads"},
     {"harmonics", "frf_units", "place_spectrum"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
