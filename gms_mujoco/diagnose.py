@@ -24,12 +24,13 @@ from .judgement import AT_FLOOR
 from .observe import driven, observe
 from .plant import Plant
 from .recheck import drop_false, drop_late, exchange
-from .remainder import describe
+from .remainder import describe, loudest
 from .score import Score, relative_error
 from .screen import Screen
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .undetermined import never_slips
 
+_SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
@@ -296,12 +297,22 @@ def _conclude(
         )
     elif stuck := never_slips(last.plant, last.misfit.observations):
         following = stuck
-    elif not at_floor and rejected:
-        likely = min(rejected, key=lambda r: r.p_value)
-        experiment = _lowered(effects.find(likely.effect).experiment)
-        following = f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
+    elif not at_floor:
+        following = _to_isolate(rejected, loudest(last.misfit, last.vector))
     notes = (f"{last.habit}.",) if last.habit else ()
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
+
+
+def _to_isolate(rejected: Sequence[Rejected], record: str) -> str:
+    """What to measure where nothing known explains the rest: what the closest effect asks for, or the same again."""
+    likely = min(rejected, key=lambda r: r.p_value, default=None)
+    if likely is None or likely.p_value > _SAYS_NOTHING:
+        return (
+            f"Nothing known explains the rest, or comes close. Measure {record} twice more in the same way: what comes "
+            "back is the machine's, what does not is noise or drift."
+        )
+    experiment = _lowered(effects.find(likely.effect).experiment)
+    return f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
 
 
 def _with_shapes(

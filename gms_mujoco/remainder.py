@@ -23,6 +23,12 @@ _CROWDED = 1.5  # the same for runs of a servo, whose errors stay
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
+def loudest(misfit: Misfit, vector: Array) -> str:
+    """Name of the observation that most of the residual of a fit stands in."""
+    energy = [float(p @ p) for p in np.split(misfit.residual(vector), misfit.splits)]
+    return str(misfit.observations[int(np.argmax(energy))].name)
+
+
 def describe(misfit: Misfit, vector: Array) -> str:
     """Where the residual of a fit stands: in which record, at which frequency, place, speed or instant."""
     parts = np.split(misfit.residual(vector), misfit.splits)

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset, load
-from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.diagnose import Diagnosis, Rejected, _to_isolate, diagnose
 from gms_mujoco.errors import DataError
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
@@ -93,6 +95,16 @@ def test_a_disturbance_that_is_periodic_in_time_gets_no_name() -> None:
     said = float(d.remainder.split("periodic in time at ")[1].split(" Hz")[0])
     assert said == pytest.approx(12, abs=0.5)
     assert d.next_experiment and "Nothing known" in d.next_experiment
+
+
+@given(st.dictionaries(st.sampled_from(sorted(effects.CATALOGUE)), st.floats(0, 1)))
+def test_what_came_closest_is_told_only_where_it_came_closer_than_chance(p_values: dict[str, float]) -> None:
+    said = _to_isolate([Rejected(name, p) for name, p in p_values.items()], "slow.csv")
+    closest = min(p_values, key=p_values.__getitem__, default="")
+    if closest and p_values[closest] <= 0.1:
+        assert f"{closest} came closest" in said
+    else:
+        assert "came closest" not in said and "Measure slow.csv" in said
 
 
 def test_one_impact_gets_no_name() -> None:

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, SAMPLE_TIME, rms, runs
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, J, rms, runs
 
 from gms_mujoco import effects
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.remainder import describe
+from gms_mujoco.remainder import describe, loudest
 
 
 def _of(plant: Plant, records: list[Record]) -> str:
@@ -33,6 +33,12 @@ T = SAMPLE_TIME * np.arange(3000)
 @pytest.fixture(scope="module")
 def records() -> list[Record]:
     return runs(HEALTHY)
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_the_loudest_record_is_the_one_that_something_was_put_into(records: list[Record], which: int) -> None:
+    misfit = Misfit(HEALTHY, observe(_with(records, 0.1 * LEVEL * np.sin(2 * np.pi * 12 * T), (which,)), J, 100.0))
+    assert loudest(misfit, misfit.vector(HEALTHY)) == records[which].name
 
 
 @pytest.mark.parametrize("frequency", [3.0, 12.0, 47.0])
