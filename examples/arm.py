@@ -25,6 +25,7 @@ from gms_mujoco import effects, formats
 SAMPLE, STEPS = 1e-3, 4  # s, time steps per sample
 DURATION = 8.0  # s
 COUNTS = 2**20  # per revolution
+MARGIN = 0.1  # rad, to the ends of a joint's range
 LARGE = ("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow")
 USES = ("fit", "fit", "fit", "validate")
 
@@ -114,6 +115,9 @@ def measure(joint: str, hidden: Hidden, seed: int, duration: float) -> tuple[np.
     start = np.array([0, 0.5, 0, 0.8, 0, 0.5, 0])
     if not hidden.alone:  # gravity is one sine of the position only while the others stand where they stood
         start += rng.uniform(-0.4, 0.4, len(names))
+    for i in range(model.njnt):  # within the range of each joint: an end stop's torque is no effect
+        low, high = model.jnt_range[i] + np.array([MARGIN, -MARGIN])
+        start[i] = np.clip(start[i], low - target[:, i].min(), high - target[:, i].max())
     data.qpos = start
     inertia = np.array([max(model.dof_armature[i], 0.1) for i in range(model.nv)])
     command = np.zeros((len(target) + hidden.late, model.nu))

@@ -152,7 +152,7 @@ class Robot:
             row[k] = self._row(data)
         return RigidTorque(bias, {name: row[:, self._dof(name)].copy() for name in position})
 
-    def on(self, records: Sequence[Record], others: Sequence[Mapping[str, Array]]) -> tuple[list[Record], str]:
+    def on(self, records: Sequence[Record], others: Sequence[Mapping[str, Array]]) -> tuple[list[Record], list[str]]:
         """Records of the joint with their rigid-body torque, and its transmitted torque where no load was recorded.
 
         Args:
@@ -160,7 +160,7 @@ class Robot:
             others: for each record the (n,) measured positions of other joints by name [rad].
 
         Returns:
-            The records, and a sentence about the inertia along them.
+            The records, and a sentence about the inertia along them, and one on those that reach an end stop.
         """
         motions = [{self.joint: r.position, **more} for r, more in zip(records, others, strict=True)]
         glance = []
@@ -176,7 +176,22 @@ class Robot:
             f"these records; the inertia of a plant stands for the pose where it is largest, "
             f"{self.inertia:.4g} {unit} in the model"
         )
-        return found, note
+        return found, [note, *self._at_stops(records)]
+
+    def _at_stops(self, records: Sequence[Record]) -> list[str]:
+        """A sentence where the joint was driven to the ends of its range, whose torque no effect has."""
+        i = self._index[self.joint]
+        if not self.model.jnt_limited[i]:
+            return []
+        low, high = self.model.jnt_range[i]
+        names = [r.name for r in records if r.position.min() < low or r.position.max() > high]
+        if not names:
+            return []
+        unit = "rad" if self.kinds[self.joint] == "hinge" else "m"
+        return [
+            f"{self.joint} goes beyond its range of {low:.4g} to {high:.4g} {unit} in {', '.join(names)}: the torque "
+            "of an end stop is no friction; leave that part out, as in span = [1.0, 9.5]"
+        ]
 
     def _with(self, record: Record, motion: Mapping[str, Array], bandwidth: float) -> Record:
         h = record.sample_time

@@ -68,7 +68,7 @@ def test_a_record_carries_all_of_the_torque_of_mj_inverse() -> None:
         full.append(data.qfrc_inverse[model.joint("elbow").id])
     record = Record("elbow", t, {"torque": np.array(full), "position": q[names.index("elbow")]})
     others = {name: q[i] for i, name in enumerate(names) if name != "elbow"}
-    (found,), note = robot.on([record], [others])
+    (found,), (note,) = robot.on([record], [others])
     inertia = found.signals["inertia_change"] + robot.inertia
     total = inertia * second_difference(found.position, 1e-3) + found.signals["rigid_torque"]
     inside = slice(100, -100)
@@ -109,6 +109,15 @@ def test_load_means_the_same_in_a_record_and_in_mujoco(tmp_path: Path) -> None:
 
     assert off(arm.friction("elbow") + grows) < 5e-3
     assert off(arm.friction("elbow")) > 0.2
+
+
+def test_a_joint_at_the_end_of_its_range_is_told(pendulum: Path) -> None:
+    t, q, *_ = motion()
+    record = Record("run", t, {"torque": np.zeros_like(t), "position": q["slider"]})
+    assert len(Robot(pendulum, "slider").on([record], [{}])[1]) == 1
+    far = Record("far", t, {"torque": np.zeros_like(t), "position": 4 * q["slider"]})
+    _, (_, said) = Robot(pendulum, "slider").on([record, far], [{}, {}])
+    assert "-0.3 to 0.3 m in far" in said
 
 
 def test_a_joint_that_is_not_measured_stands_in_the_pose_given(pendulum: Path) -> None:
