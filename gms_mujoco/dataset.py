@@ -17,6 +17,7 @@ from . import columns, files, formats, frf_table, plausible, servo_run, timing
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
 from .frf import FRF, INPUTS, response_unit
+from .inverse import common_step
 from .measured_axis import Axis, joint_names
 from .record import USES, Record, told_uses
 from .servo_run import CONTROLLERS, ServoRun
@@ -269,6 +270,8 @@ def _record(
             if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":
                 signals[key], note = plausible.unwrapped(signals[key], key)
                 notes.append(note)
+        # Interpolated positions would not show it any more.
+        count = axis.joint.resolution or common_step(signals["position"]) or None
         time, signals, note = timing.evenly(signals.pop("time"), signals)
         notes.append(note)
         others = {k: signals.pop(f"position of {k}") for k in elsewhere}
@@ -279,7 +282,7 @@ def _record(
         short += f" episode {episode}"
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
-    return Record(short, time, signals, use, axis.joint.resolution), others, [n for n in notes if n]
+    return Record(short, time, signals, use, count), others, [n for n in notes if n]
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:

@@ -63,14 +63,18 @@ def second_difference(q: Array, h: float) -> Array:
 
 def count_size(record: Record) -> float:
     """Position of one encoder count: declared, or read off as the common step of the positions; 0 if none."""
-    if record.resolution:
-        return record.resolution
-    steps = np.abs(np.diff(np.unique(record.position)))
-    steps = steps[steps > 1e-12 * max(np.ptp(record.position), 1e-300)]
+    return record.resolution or common_step(record.position)
+
+
+def common_step(position: Array) -> float:
+    """The step that positions (n,) are multiples of; 0 if none."""
+    steps = np.abs(np.diff(np.unique(position)))
+    steps = steps[steps > 1e-12 * max(np.ptp(position), 1e-300)]
     if not len(steps):
         return 0.0
     smallest = float(np.min(steps))
-    off = np.abs(record.position / smallest - np.round(record.position / smallest))
+    smallest = float(steps.sum() / np.round(steps / smallest).sum())  # without what few digits do to one of them
+    off = np.abs(position / smallest - np.round(position / smallest))
     return smallest if np.mean(off < 0.1) > 0.9 else 0.0
 
 

@@ -286,6 +286,13 @@ def test_missing_column_lists_the_columns(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "run.csv", "'torque'", "effort", time=TIME, effort=TIME, position=TIME)
 
 
+def test_the_count_of_an_encoder_outlives_resampling(tmp_path: Path) -> None:
+    uneven = TIME + 3e-4 * (np.arange(N) % 3 == 1)
+    columns = {"time": uneven, "torque": RUN["torque"], "position": 1e-4 * np.round(RUN["position"] / 1e-4)}
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **columns)
+    assert "resampled" in runs.notes[0] and runs.fit[0].resolution == pytest.approx(1e-4)
+
+
 def test_current_without_torque_constant_is_refused(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "torque_constant", time=TIME, current=TIME, position=TIME)
 
