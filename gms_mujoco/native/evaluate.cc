@@ -152,7 +152,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
   const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
                       !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
-  const Tree inertia{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind, d->M, d->qLD, d->qLDiagInv};
+  const Inertia inertia{{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind}, d->M, d->qLD, d->qLDiagInv};
   g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, m->opt.timestep);
   for (int i = 0; i < n; i++) {
     const auto& u = g->implicit.units[i];

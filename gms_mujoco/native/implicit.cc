@@ -14,7 +14,7 @@ constexpr double kStiff = 1;        // h slope / inertia from which joints are s
 constexpr double kLoose = 0.3;      // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr int kIterations = 12;
 
-void multiply(const Tree& tree, const double* x, double* y) {
+void multiply(const Inertia& tree, const double* x, double* y) {
   std::fill(y, y + tree.n, 0.0);
   for (int i = 0; i < tree.n; i++) {
     const double* row = tree.value + tree.row_start[i];
@@ -40,24 +40,6 @@ void Implicit::reserve(int n_units, int n_state, int n, int n_value) {
   together_.reserve(n_state);
 }
 
-// M = L' D L in place, from the leaves to the root.
-void Implicit::factor(const Tree& tree) {
-  double* value = factor_.data();
-  for (int k = tree.n - 1; k >= 0; k--) {
-    double* row = value + tree.row_start[k];
-    const int* column = tree.column + tree.row_start[k];
-    const int last = tree.row_size[k] - 1;
-    const double inverse = 1 / row[last];
-    diagonal_[k] = inverse;
-    for (int i = last - 1; i >= 0; i--) {
-      double* above = value + tree.row_start[column[i]];
-      const double ratio = row[i] * inverse;
-      for (int j = 0; j <= i; j++) above[j] -= ratio * row[j];
-      row[i] = ratio;
-    }
-  }
-}
-
 // The factor of M + by e_k e_k', which changes along the path from k to the root alone (Gill, Golub, Murray and Saunders,
 // Math. Comp. 28 (1974), method C1, from the last row up).
 void Implicit::update(const Tree& tree, int k, double by) {
@@ -79,7 +61,7 @@ void Implicit::update(const Tree& tree, int k, double by) {
 }
 
 // Brings the factor of M + h (D + slopes) up to date: by its changes where they are few, else anew.
-void Implicit::refresh(int count, const Tree& inertia, const double* damping, double h, bool anew) {
+void Implicit::refresh(int count, const Inertia& inertia, const double* damping, double h, bool anew) {
   int changes = 0;
   for (int i = 0; i < count; i++) {
     const Unit& u = units[i];
@@ -90,37 +72,20 @@ void Implicit::refresh(int count, const Tree& inertia, const double* damping, do
   if (anew) {
     std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
     for (int i = 0; damping && i < inertia.n; i++) {
-      factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
+      factor_[inertia.diagonal(i)] += h * damping[i];
     }
   }
   for (int i = 0; i < count; i++) {
     Unit& u = units[i];
     if (anew) {
-      double* diagonal = &factor_[inertia.row_start[u.dof] + inertia.row_size[u.dof] - 1];
+      double* diagonal = &factor_[inertia.diagonal(u.dof)];
       *diagonal = u.used == kInfinity ? kHold * *diagonal : *diagonal + h * u.used;
     } else if (u.used != u.factored) {
       update(inertia, u.dof, h * (u.used - u.factored));
     }
     u.factored = u.used;
   }
-  if (anew) factor(inertia);
-}
-
-void Implicit::substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const {
-  for (int k = tree.n - 1; k >= 0; k--) {
-    const double *row = factor + tree.row_start[k], value = x[k];
-    const int *column = tree.column + tree.row_start[k], last = tree.row_size[k] - 1;
-    if (value != 0) {
-      for (int i = 0; i < last; i++) x[column[i]] -= row[i] * value;
-    }
-  }
-  for (int k = 0; k < tree.n; k++) {
-    const double* row = factor + tree.row_start[k];
-    const int *column = tree.column + tree.row_start[k], last = tree.row_size[k] - 1;
-    double value = x[k] * inverse_diagonal[k];
-    for (int i = 0; i < last; i++) value -= row[i] * x[column[i]];
-    x[k] = value;
-  }
+  if (anew) factor(inertia, factor_.data(), diagonal_.data());
 }
 
 // The tangent of the law at a velocity, seen from the side of it that lies further from standstill.
@@ -235,7 +200,7 @@ void Implicit::solve_alone(int count, const double* damping, const double* veloc
   }
 }
 
-void Implicit::solve(int count, const Tree& inertia, const double* damping, const double* velocity,
+void Implicit::solve(int count, const Inertia& inertia, const double* damping, const double* velocity,
                      const double* tau, double h) {
   const int n = inertia.n;
   bool stiff = false, damped = false, known = true;
@@ -287,8 +252,8 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
       factored = true;
       for (int i = 0; holds && i < count; i++) {
         const Unit& u = units[i];
-        const int k = u.dof, end = inertia.row_start[k] + inertia.row_size[k] - 1;
-        const double diagonal = inertia.value[end] + (damped ? h * damping[k] : 0);
+        const int k = u.dof;
+        const double diagonal = inertia.value[inertia.diagonal(k)] + (damped ? h * damping[k] : 0);
         if (u.used == kInfinity) dv[k] = kHold * diagonal * (u.still - velocity[k]);
       }
       substitute(inertia, factor_.data(), diagonal_.data(), dv);
@@ -306,14 +271,14 @@ void Implicit::solve(int count, const Tree& inertia, const double* damping, cons
   sweep(count, inertia, damping, velocity, tau, h);
 }
 
-void Implicit::sweep(int count, const Tree& inertia, const double* damping, const double* velocity,
+void Implicit::sweep(int count, const Inertia& inertia, const double* damping, const double* velocity,
                      const double* tau, double h) {
   const int n = inertia.n;
   std::copy(inertia.value, inertia.value + factor_.size(), factor_.begin());
   for (int i = 0; damping && i < n; i++) {
-    factor_[inertia.row_start[i] + inertia.row_size[i] - 1] += h * damping[i];
+    factor_[inertia.diagonal(i)] += h * damping[i];
   }
-  factor(inertia);
+  factor(inertia, factor_.data(), diagonal_.data());
   double* x = change_.data();
   for (int i = 0; i < n; i++) x[i] = h * tau[i];
   substitute(inertia, factor_.data(), diagonal_.data(), x);

@@ -5,18 +5,14 @@
 #include <vector>
 
 #include "joint.h"
+#include "tree.h"
 
 namespace gms {
 
-// A symmetric matrix with the sparsity of a kinematic tree, as MuJoCo stores its inertia: the lower triangle by rows,
-// the diagonal last in each, and the columns of row i at the front of every row below that has a column i.
-struct Tree {
-  int n;
-  const int *row_size, *row_start, *column;
+// The inertia of a mechanism, and where it has been factored already its factor and 1 / D; else null.
+struct Inertia : Tree {
   const double* value;
-  // Where it has been factored already, L' D L with a unit diagonal of L, and 1 / D; else null.
   const double *factor, *inverse_diagonal;
-  int size() const { return row_start[n - 1] + row_size[n - 1]; }
 };
 
 // Finds the torques f that solve, for all joints together,
@@ -62,7 +58,7 @@ class Implicit {
 
   // The first `count` units. `damping` (n) and `velocity` (n); `tau` (n) is the net torque
   // without that of the units.
-  void solve(int count, const Tree& inertia, const double* damping, const double* velocity, const double* tau, double h);
+  void solve(int count, const Inertia& inertia, const double* damping, const double* velocity, const double* tau, double h);
 
  private:
   bool settled(Unit* unit, double velocity, double now, double reaction, double h) const;
@@ -70,11 +66,9 @@ class Implicit {
   void hold_or_start(Unit* unit, double side, double h) const;
   void evaluate(const int* number, int count, const double* velocity, double h);
   void solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h);
-  void refresh(int count, const Tree& inertia, const double* damping, double h, bool anew);
-  void factor(const Tree& tree);
+  void refresh(int count, const Inertia& inertia, const double* damping, double h, bool anew);
   void update(const Tree& tree, int k, double by);
-  void substitute(const Tree& tree, const double* factor, const double* inverse_diagonal, double* x) const;
-  void sweep(int count, const Tree& inertia, const double* damping, const double* velocity, const double* tau, double h);
+  void sweep(int count, const Inertia& inertia, const double* damping, const double* velocity, const double* tau, double h);
 
   std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;

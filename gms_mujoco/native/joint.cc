@@ -89,7 +89,6 @@ double Joint::sum(const Motion& motion, const double* state, double* next, doubl
 
 double Joint::implicit_torque(const Sample& now, const double* state, double h, double free_velocity,
                               double gain, Search* search) const {
-  constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
   const bool fresh = std::isnan(state[0]);
   const double moved = fresh ? 0 : now.position - state[0];
   const double duration = (fresh ? 0 : std::max(now.time - state[1], 0.0)) + h;
@@ -97,54 +96,8 @@ double Joint::implicit_torque(const Sample& now, const double* state, double h, 
     const Motion motion{now.position + h * v, displacement, v, duration, now.time + h, now.load, now.temperature};
     return torque_only(motion, state);
   };
-
-  // Friction can jump only where the displacement changes sign: look there first, from either side.
   Search once;
-  if (!search) search = &once;
-  const double still = -moved / h;
-  const auto from = [&](double* f, double side) {
-    if (std::isnan(*f)) *f = force(still, side * kTiny);
-    return still - free_velocity - gain * *f;
-  };
-  double g = from(&search->forward, 1), f = search->forward;
-  if (g > 0) {
-    g = from(&search->backward, -1);
-    f = search->backward;
-    if (g <= 0) return (still - free_velocity) / gain;  // holds
-  }
-  if (g == 0) return f;
-
-  // The residual g(v) = v - free_velocity - gain f has the sign of `g` at a, the other sign from b on, since
-  // friction falls with velocity; where a Stribeck curve makes it rise, b has to move out. In between: secant steps,
-  // bisection where they leave the bracket or are slow.
-  const bool negative = g < 0;
-  double a = still, b = free_velocity + gain * f, last = still, g_last = g;
-  bool closed = false;
-  const double tolerance = 1e-12 * (std::fabs(free_velocity - still) + std::fabs(b - still));
-  const double guess = search->velocity;
-  double v = (guess - a) * (guess - b) < 0 ? guess : b;
-  for (int i = 0; i < 100; i++) {
-    f = force(v, moved + h * v);
-    g = v - free_velocity - gain * f;
-    if (std::fabs(g) <= tolerance) break;
-    if ((g < 0) == negative) {
-      a = v;
-      if (!closed && v == b) b = still + 2 * (b - still);
-    } else {
-      b = v;
-      closed = true;
-    }
-    if (std::fabs(b - a) <= tolerance) break;
-    const double slope = i == 0 && search->slope > 0 && v == guess ? search->slope : (g - g_last) / (v - last);
-    const double next = v - g / slope;
-    if (slope > 0) search->slope = slope;
-    last = v;
-    g_last = g;
-    const bool inside = (next - a) * (next - b) < 0;
-    v = inside && i % 4 != 3 ? next : closed ? 0.5 * (a + b) : b;
-  }
-  search->velocity = v;
-  return f;
+  return backward_euler(force, moved, h, free_velocity, gain, search ? search : &once);
 }
 
 double Joint::slope(double h) const {

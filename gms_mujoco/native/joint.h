@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "backward_euler.h"
 #include "effect.h"
 
 namespace gms {
@@ -92,15 +93,8 @@ class Joint {
     return torque_only(ahead(now, state, h, v, side), state);
   }
 
-  // Torque over a backward-Euler step of length h from `now`: the f that solves
-  //   v = free_velocity + gain f,  f in f(q + h v, v),
-  // where free_velocity is the velocity at the end of the step without f, and gain = h / inertia. A static law
-  // is set-valued where the displacement is zero: there the joint holds, with whatever torque that takes.
-  // `search` carries what one search knows to the next at the same `now`, with another free velocity.
-  struct Search {
-    double forward = std::nan(""), backward = std::nan("");  // torque at the onset of motion either way
-    double velocity = std::nan(""), slope = 0;               // the last root and the slope of the residual there
-  };
+  // Torque over a backward-Euler step of length h from `now`: see backward_euler.h.
+  using Search = gms::Search;
   double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain,
                          Search* search = nullptr) const;
 

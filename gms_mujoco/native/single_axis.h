@@ -35,7 +35,7 @@ class SingleAxis {
     state_.swap(next_);
     if (implicit_) {
       const int one = 1, zero = 0;
-      const Tree tree{1, &one, &zero, &zero, &inertia_, nullptr, nullptr};
+      const Inertia inertia{{1, &one, &zero, &zero}, &inertia_, nullptr, nullptr};
       auto& unit = solver_.units[0];
       unit.joint = &joint_;
       unit.dof = 0;
@@ -45,7 +45,7 @@ class SingleAxis {
       unit.state = state_.data();
       unit.torque = f;
       unit.slope = slope_;
-      solver_.solve(1, tree, nullptr, &now.velocity, &applied, h_);
+      solver_.solve(1, inertia, nullptr, &now.velocity, &applied, h_);
       f = unit.torque;
       slope_ = unit.slope;
     }
