@@ -142,8 +142,8 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             unit = "N m" if axis.joint.kind == "hinge" else "N"
             notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
         if axis.robot and records:
-            records, said = axis.robot.on(records, others)
-            notes += said
+            records, on_robot = axis.robot.on(records, others)
+            notes += on_robot
         records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
