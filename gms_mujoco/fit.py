@@ -22,7 +22,7 @@ from .plant import Plant
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
 from .starts import starts
-from .undetermined import never_slips, undetermined
+from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
 Array = NDArray[np.float64]
@@ -291,6 +291,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty=intervals, covariance=together)
+    plant = replace(plant, uncertainty=intervals | left_open(plant, observations))
     if missing := undetermined(plant):
         provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
     plant = replace(plant, provenance=provenance)

@@ -316,6 +316,8 @@ def _interval_text(value: float, interval: tuple[float, float] | None) -> str:
     if interval is None:
         return ""
     low, high = interval
+    if high == math.inf and 0 < value < 1e3 * low:
+        return f"at least {low:.4g}"
     if not high - low < 1e3 * abs(value) and (value != 0 or not math.isfinite(high - low)):
         return "undetermined"
     return f"[{low:.4g}, {high:.4g}]"

@@ -6,13 +6,16 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import effects
-from .frf_observation import Seen
+from .effect import Effect
+from .frf_observation import FrfObservation, Seen
 from .plant import Plant
 
 _UNKNOWN = 10.0  # an interval whose ends differ by this factor says nothing
 _SHARE = 0.02  # of the stiffness of all elements, above which one that never slips is worth a word
+_BARELY = 0.9  # of the largest motion: an element that slips only beyond shows no level of its own
 _EXPERIMENTS = {
     "gms.stiffness": "sines or reversals at amplitudes from well below to well above the break-away distances",
     "gms.fraction": "sines or reversals at more amplitudes, closer together",
@@ -67,12 +70,11 @@ def never_slips(plant: Plant, observations: Sequence[Seen]) -> str:
     if "gms" not in plant:
         return ""
     gms = plant["gms"]
-    stiffness = np.asarray(gms.stiffness)
     reach = max(float(np.ptp(o.position)) for o in observations) / 2
-    stuck = np.asarray(gms.fraction) * max(gms.static, gms.coulomb) > reach * stiffness
-    held = float(stiffness[stuck].sum())
-    if not held > _SHARE * stiffness.sum():
+    stuck = _stuck(gms, reach)
+    if not stuck.any():
         return ""
+    held = float(np.asarray(gms.stiffness)[stuck].sum())
     unit, size = ("N m/rad", "rad") if plant.kind == "hinge" else ("N/m", "m")
     also = "the spring" if "spring" in plant else "a spring, or gravity about its rest,"
     return (
@@ -80,3 +82,42 @@ def never_slips(plant: Plant, observations: Sequence[Seen]) -> str:
         f"from {also} of that stiffness. Slow motion to several times that amplitude would: friction then slips "
         "and does not return, a spring pulls back in proportion."
     )
+
+
+def _stuck(gms: Effect, reach: float) -> NDArray[np.bool_]:
+    """(m,) elements whose break-away distance is beyond `reach` [rad]; none where they hardly matter."""
+    stiffness = np.asarray(gms.stiffness)
+    stuck = np.asarray(gms.fraction) * max(gms.static, gms.coulomb) > reach * stiffness
+    return stuck & bool(stiffness[stuck].sum() > _SHARE * stiffness.sum())
+
+
+def left_open(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float]]:
+    """Intervals of levels and shares where friction elements slipped in none of the data, or barely.
+
+    Those then know what such an element carried at most, a lower bound of its level; the local expansion that other
+    intervals come from does not see that. A sine of amplitude A makes those slip whose break-away distance is less; in
+    a record it may be as long as the way from end to end.
+
+    Args:
+        plant: a fitted one, with its other intervals.
+        observations: what it was fitted to.
+    """
+    if "gms" not in plant:
+        return {}
+    gms, known = plant["gms"], plant.uncertainty
+    reach = max(float(np.ptp(o.position)) / (2 if isinstance(o, FrfObservation) else 1) for o in observations)
+    stuck = _stuck(gms, _BARELY * reach)
+    if not stuck.any():
+        return {}
+    level = float(np.max([gms.static, gms.coulomb]))
+    least = np.where(stuck, _BARELY * reach * np.asarray(gms.stiffness), np.asarray(gms.fraction) * level)  # [N m]
+    total = float(least.sum())
+    out = {}
+    for name in ("gms.coulomb", "gms.static"):
+        if name in known:
+            out[name] = min(known[name][0], plant.numbers()[name][0] * total / level), math.inf
+    for i, carried in enumerate(least / total):
+        if (name := f"gms.fraction[{i}]") in known:
+            low, high = known[name]
+            out[name] = (min(low, carried), 1.0) if stuck[i] else (0.0, max(high, carried))
+    return {k: (float(low), float(high)) for k, (low, high) in out.items()}

@@ -1,7 +1,10 @@
 """The documentation: it builds without a warning, and what it promises runs as printed."""
 
+import contextlib
+import io
 import re
 import shlex
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -104,3 +107,28 @@ def test_most_effects_have_a_picture(monkeypatch):
     for p in effect_pictures.PICTURES.values():
         y = effect_pictures.MOTION.missed(p)[0]
         assert np.isfinite(y).all() and np.ptp(y) + abs(y).max() > 0
+
+
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+
+
+def test_the_page_of_frequency_responses_runs_and_says_what_it_prints(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    monkeypatch.chdir(tmp_path)
+    import response_picture
+
+    names = {}
+    page = response_picture.PAGE.read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?", page, re.S)
+    for code, printed in blocks:
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            exec(code, names)
+        assert NUMBER.sub("", said.getvalue()).split() == NUMBER.sub("", printed).split()
+        for found, shown in zip(NUMBER.findall(said.getvalue()), NUMBER.findall(printed), strict=True):
+            assert float(found) == pytest.approx(float(shown), rel=0.3), printed
+    for name, (low, high) in names["fit"].plant.uncertainty.items():
+        if name in ("inertia", "gms.coulomb", "gms.static", "viscous.coefficient"):
+            assert low <= names["axis"].numbers()[name][0] <= high, name
+    assert ET.fromstring(response_picture.picture(names)).tag.endswith("svg")
+    assert (DOCS / "pages" / "dahl_resonance.svg").is_file()

@@ -1,8 +1,10 @@
 """What a fit could not tell: said for responses and records alike."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from bench import run
 
 from gms_mujoco import effects
@@ -13,7 +15,7 @@ from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.sweep import stepped_sine
-from gms_mujoco.undetermined import never_slips, undetermined
+from gms_mujoco.undetermined import left_open, never_slips, undetermined
 
 J, LEVEL = 2.4e-5, 4.5e-3
 GMS = effects.GMS(
@@ -51,6 +53,29 @@ def test_records_too_say_what_they_cannot_tell() -> None:
     small, large = fit(known, records(0.15)).undetermined, fit(known, records(3.0)).undetermined
     assert {"gms.stribeck_velocity", "gms.attraction"} <= set(small)
     assert not SLIDING & set(large)
+
+
+def test_the_level_of_elements_that_never_slipped_is_open_above() -> None:
+    found = fit(Plant.axis(J) + effects.GMS(elements=4) + effects.Viscous(), sweep(AXIS, [0.05, 0.1, 0.2]))
+    known = found.plant.uncertainty
+    assert {"gms.coulomb", "gms.static"} <= set(found.undetermined) and "at least" in str(found.plant)
+    assert known["gms.static"][0] <= 1.2 * LEVEL < known["gms.static"][1] == np.inf
+    assert known["gms.coulomb"][0] <= LEVEL
+
+
+def test_what_an_element_carried_without_slipping_is_the_least_of_its_level() -> None:
+    """The first slips, the second breaks away at 18.9 mrad: a local expansion knows nothing of that."""
+    narrow = {name: (0.99 * value, 1.01 * value) for name, (value, _) in AXIS.numbers().items()}
+    plant = replace(AXIS, uncertainty=narrow)
+    small, large = (observe(sweep(AXIS, s), J) for s in ([0.05, 0.1], [0.2, 3.0]))
+    assert left_open(plant, large) == {} and left_open(Plant.axis(J), small) == {}
+    open_ = left_open(plant, small)
+    reach = max(float(f.amplitude.max()) for f in sweep(AXIS, [0.05, 0.1]))  # type: ignore[union-attr]
+    assert 1.7e-3 < reach < 10e-3 and set(open_) == {"gms.coulomb", "gms.static", "gms.fraction[0]", "gms.fraction[1]"}
+    first, second = 0.3 * GMS.static, 0.9 * reach * GMS.stiffness[1]
+    assert open_["gms.static"] == (pytest.approx(first + second, rel=0.01), np.inf)
+    assert open_["gms.fraction[0]"] == (0, pytest.approx(first / (first + second), rel=0.01))
+    assert open_["gms.fraction[1]"] == (pytest.approx(second / (first + second), rel=0.01), 1)
 
 
 def test_an_element_that_never_slipped_is_told_from_no_spring() -> None:
