@@ -291,7 +291,7 @@ class Search:
 
     def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
         """p value of an effect that was added to a fit."""
-        return max(p_value(before, trial.held_out), self._beyond_speed(base, trial.name, trial.result))
+        return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
     def bend(self) -> bool:
         """Gives the Stribeck curve another exponent, which no fit frees, where friction over speed asks for it."""
@@ -330,15 +330,19 @@ class Search:
         floor = 0.0 if self.at_floor else min(floor_of(self.steps[-1].result), floor_of(result))
         return takes(self.held_out.total, held_out.total, floor, share)
 
-    def _beyond_speed(self, base: FitResult, name: str, result: FitResult) -> float:
+    def _beyond_speed(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
 
-        What a sensor reads wrong is the speed of friction too.
+        What a sensor reads wrong is the speed of friction too. A curve that predicts blocks not seen worse than none is
+        nothing to beat, and with the effect no better than the effect alone.
         """
-        effect = result.plant[name]
+        effect = trial.result.plant[trial.name]
         if not (effect.modulates or effect.kind == "sensor") or not self.timed:
             return 0.0
-        return p_value(with_curve(base), with_curve(result))
+        curved = with_curve(base)
+        if curved.total >= before.total:
+            return 0.0
+        return p_value(curved, min(trial.held_out, with_curve(trial.result), key=lambda h: h.total))
 
     @property
     def bent(self) -> float:

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from gms_mujoco import effects
-from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit import FitResult, fit_observations
+from gms_mujoco.held_out import HeldOut, p_value
+from gms_mujoco.judgement import Trial
+from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -35,8 +38,26 @@ def test_load_dependence_is_told_where_the_load_differs_at_the_same_speed(load: 
     first = search.steps[-1].result
     result = fit_observations(first.plant + effects.LoadDependentFriction(coefficient=0.1), search.seen)
     assert result.plant[name].coefficient == pytest.approx(C, rel=0.1) and result.error < 0.5 * first.error
-    p = search._beyond_speed(first, name, result)
+    trial = Trial(name, result, cross_validated(result.misfit, result.vector))
+    p = search._beyond_speed(first, search.held_out, trial)
     assert p < 1e-4 if told else p > 0.05
+
+
+def test_a_curve_that_predicts_worse_than_none_is_nothing_to_beat(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = Plant.axis(None) + effects.Coulomb(coulomb=FC) + effects.Viscous(coefficient=DRAG)
+    search = Search(observe([_record("weight")], None), [], plant)
+    search.first(lambda done, message: None)
+    first = search.steps[-1].result
+    result = fit_observations(first.plant + effects.LoadDependentFriction(coefficient=0.1), search.seen)
+    trial = Trial("load_dependent_friction", result, cross_validated(result.misfit, result.vector))
+    rng = np.random.default_rng(0)
+
+    def overfitted(fitted: FitResult) -> HeldOut:
+        left = search.held_out if fitted is first else trial.held_out
+        return HeldOut(left.rows + rng.normal(0, 5 * FC, len(left.rows)), left.observations)
+
+    monkeypatch.setattr("gms_mujoco.search.with_curve", overfitted)
+    assert search._beside(first, search.held_out, trial) == p_value(search.held_out, trial.held_out) < 1e-4
 
 
 def test_the_curve_holds_every_level_over_speed() -> None:

@@ -20,7 +20,10 @@ class EncoderEccentricity(Effect):
         "It acts on the measurement alone: inside MuJoCo, where positions are exact, it is left out.\n"
         "Source: eccentricity error of encoders, e.g. Merry, van de Molengraft and Steinbuch, Mechatronics 23 (2013)."
     )
-    signature = "The torque error is a sine once per revolution whose height grows with the square of velocity."
+    signature = (
+        "The torque error is a sine once per revolution whose height grows with the square of velocity; an inertia "
+        "that changes over the revolution, as of a crank or a linkage, gives the same."
+    )
     experiment = "Constant-velocity runs over many revolutions at several speeds, the highest included."
     parameters = (
         # Up to the upper bound the reading still rises with the position everywhere.
