@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .coordinates import Coordinates
 from .errors import DataError
-from .fit import FitResult, refine
+from .fit import FitResult, finished, refine
 from .least_squares import nudge
 from .misfit import Misfit
 from .observe import observe
@@ -40,7 +40,7 @@ def refit(plant: Plant, records: Sequence[Record], bandwidth: float) -> FitResul
         bandwidth: [Hz].
     """
     misfit = Misfit(plant, observe(records, plant.inertia, bandwidth))
-    return refine(misfit, nudge(misfit, misfit.vector(plant)))
+    return finished(refine(misfit, nudge(misfit, misfit.vector(plant))))
 
 
 def residuals(found: FitResult, records: Sequence[Record]) -> list[Array]:

@@ -15,7 +15,7 @@ from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import Progress, baseline
+from .fit import Progress, baseline, finished, with_covariance
 from .frf_observation import FrfObservation, Seen
 from .friction_law import FrictionLaw, choices, much_better, with_law, would_be_better
 from .held_out import p_value
@@ -220,6 +220,8 @@ def diagnose(
                 search, late, law_said = other, other_late, better
 
     report(0.9, "scoring the validate records")
+    ends = [*[with_covariance] * (len(search.steps) - 1), finished]  # what is kept
+    search.steps = [replace(s, result=end(s.result)) for s, end in zip(search.steps, ends, strict=True)]
     last = search.steps[-1].result
     noise = last.noise
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []

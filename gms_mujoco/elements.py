@@ -9,7 +9,7 @@ import numpy as np
 from . import effects
 from .effect import Effect
 from .errors import ModelError
-from .fit import FitResult, Progress, fit_observations
+from .fit import FitResult, Progress, finished, fit_observations
 from .linear_model import cross_validated
 from .observe import Data, driven, observe
 from .plant import Plant
@@ -54,7 +54,7 @@ def choose_elements(
         if i > 1 and found[-1][1] > found[-2][1] > found[-3][1]:
             break  # more only follow the noise
     _, least, spread = min(found, key=lambda f: f[1])
-    chosen = next(result for result, error, _ in found if error <= least + spread)
+    chosen = finished(next(result for result, error, _ in found if error <= least + spread))
     report(1.0, chosen.status)
     return chosen
 

@@ -47,11 +47,12 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
                 if cost < best:
                     best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
         return
-    best = squared(applied - o.needed(plant, memory))
+    grid = o.sparse
+    best = squared(applied - o.needed(plant, memory, grid))
     for value in (*_LEVELS, *_LEVELS):
         for k in count:
             kept, memory[k] = memory[k], value
-            cost = squared(applied - o.needed(plant, memory))
+            cost = squared(applied - o.needed(plant, memory, grid))
             if cost < best:
                 best = cost
             else:

@@ -13,7 +13,7 @@ from . import effects
 from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .inverse import Observation
-from .least_squares import nudge, solve
+from .least_squares import approach, nudge, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
 from .observe import Data, driven, observe
@@ -133,18 +133,23 @@ def fit(
     found = fit_observations(plant, observations, fixed, report)
     if early := acting_early(found, fixed):
         found = fit_observations(plant, early, fixed)
+    found = finished(found)
     report(1.0, found.status)
     return found
 
 
 def fit_observations(
-    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), progress: Progress | None = None
+    plant: Plant,
+    observations: Sequence[Seen],
+    fixed: Collection[str] = (),
+    progress: Progress | None = None,
+    below: float = math.inf,
 ) -> FitResult:
-    """`fit` on records that are already seen through a band."""
+    """`fit` on records that are already seen through a band, near enough to judge it; see `refine` for `below`."""
     report = progress or (lambda done, message: None)
-    misfit, x = rough_fit(plant, observations, fixed, report)
+    misfit, x = rough_fit(plant, observations, fixed, report, below)
     report(0.5, "refining")
-    found = fit_to_end(misfit, x, fixed, max_steps=40)
+    found = fit_to_end(misfit, x, fixed, 40, below)
     again = _doubting(found)
     return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
 
@@ -193,10 +198,14 @@ def _doubting(found: FitResult) -> list[Seen] | None:
 
 
 def rough_fit(
-    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), progress: Progress | None = None
+    plant: Plant,
+    observations: Sequence[Seen],
+    fixed: Collection[str] = (),
+    progress: Progress | None = None,
+    below: float = math.inf,
 ) -> tuple[Misfit, Array]:
-    """The best of several starts after a few steps each, with torques straight from sample to sample and states
-    before the records that are only guessed."""
+    """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
+    guessed; see `refine` for `below`."""
     report = progress or (lambda done, message: None)
     best: tuple[float, Plant] | None = None
     some = fewer(observations)
@@ -204,8 +213,9 @@ def rough_fit(
     for i, start in enumerate(candidates):
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
         misfit = Misfit(start, some, fixed, coarse=True)
-        x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=np.arange(misfit.n_common))
-        x = _agreed(misfit, x, 20, np.arange(misfit.n_common))
+        common, enough = np.arange(misfit.n_common), min(below, best[0] if best else math.inf)
+        x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=common, below=enough)
+        x = _agreed(misfit, x, 20, common)
         cost = misfit.cost(x)
         if best is None or cost < best[0]:
             best = cost, misfit.coordinates.decode(x[: misfit.coordinates.size])
@@ -223,23 +233,44 @@ def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
     return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
 
 
-def fit_to_end(misfit: Misfit, x: Array, fixed: Collection[str] = (), max_steps: int = 20) -> FitResult:
-    """The fit that a rough one leads to, with friction elements where they do most."""
-    x = solve(misfit, misfit.settle(x), max_steps)
+def fit_to_end(
+    misfit: Misfit, x: Array, fixed: Collection[str] = (), max_steps: int = 20, below: float = math.inf
+) -> FitResult:
+    """The fit that a rough one leads to, with friction elements where they do most; see `refine`."""
+    x = _near(misfit, x, max_steps, below)
     better, there = placed(misfit, x, fixed)
-    return _finished(misfit, x, max_steps) if better is misfit else refine(better, there, max_steps)
+    if better is not misfit:
+        x = _near(better, there, max_steps, below)
+    return _result(better, _agreed(better, x, max_steps // 2))
 
 
-def refine(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
-    """The fit next to a vector that is already close, until no step would move it by much of an interval."""
-    return _finished(misfit, solve(misfit, misfit.settle(x), max_steps), max_steps)
+def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> FitResult:
+    """The fit next to a vector that is already close, near enough to judge it; without intervals, see `finished`.
+
+    Args:
+        misfit, x: the problem, and where to start.
+        max_steps: at most so many derivatives at a time.
+        below: a squared residual that is of use [N^2 m^2]; a fit that does not get there may end anywhere.
+    """
+    return _result(misfit, _agreed(misfit, _near(misfit, x, max_steps, below), max_steps // 2))
 
 
-def _finished(misfit: Misfit, x: Array, max_steps: int) -> FitResult:
-    """What a solution says, with its last steps on finer grids."""
-    for _ in range(2 if any(isinstance(o, Observation) for o in misfit.observations) else 0):
-        x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / max(len(misfit.residual(x)), 1))
-    return _result(misfit, _agreed(misfit, x, max_steps // 2))
+def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
+    """A solution but for its last steps, on instants that are chosen anew in every one."""
+    x = approach(misfit, misfit.settle(x), max_steps, below=below)
+    # A residual with slips in it has steps of its own, at which derivatives over short ones lead a search to a halt.
+    wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
+    return solve(wide, x, max_steps, below=below)
+
+
+def finished(found: FitResult, max_steps: int = 20) -> FitResult:
+    """The same fit, until no step would move it by much of an interval, with these intervals."""
+    misfit, x = found.misfit, found.vector
+    if not any(isinstance(o, ServoObservation) for o in misfit.observations):
+        for _ in range(2):
+            x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / len(misfit.residual(x)))
+        found = _result(misfit, _agreed(misfit, x, max_steps // 2))
+    return with_covariance(found)
 
 
 def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
@@ -275,10 +306,6 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         for i, (o, left) in enumerate(zip(observations, np.split(residual, misfit.splits), strict=True))
     ]
     floor = score.pooled(_told(score, floor_rows), applied)
-    whole, deviations = covariance(misfit, x)
-    scatter = whole[:n, :n]
-    intervals = misfit.coordinates.intervals(x[:n], scatter, deviations[:n])
-    together = dict(zip(misfit.coordinates.labels, map(tuple, scatter.tolist()), strict=True))
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
         "records": [o.name for o in observations],
@@ -290,11 +317,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     }
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"
-    plant = replace(plant, uncertainty=intervals, covariance=together)
-    plant = replace(plant, uncertainty=intervals | left_open(plant, observations))
-    if missing := undetermined(plant):
-        provenance["undetermined"] = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
-    plant = replace(plant, provenance=provenance)
+    plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)
     if score.of == "torque":
         status = f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz"
         status += f", noise floor {100 * floor:.2f} %"
@@ -305,3 +328,18 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
     return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))
+
+
+def with_covariance(found: FitResult) -> FitResult:
+    """The same fit with the covariance of what was identified, and what the data leave open."""
+    misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
+    whole, deviations = covariance(misfit, x)
+    scatter = whole[:n, :n]
+    intervals = misfit.coordinates.intervals(x[:n], scatter, deviations[:n])
+    together = dict(zip(misfit.coordinates.labels, map(tuple, scatter.tolist()), strict=True))
+    plant = replace(found.plant, uncertainty=intervals, covariance=together)
+    plant = replace(plant, uncertainty=intervals | left_open(plant, misfit.observations))
+    if missing := undetermined(plant):
+        said = [f"{name}; what would tell it: {how}" for name, how in missing.items()]
+        plant = replace(plant, provenance={**plant.provenance, "undetermined": said})
+    return replace(found, plant=plant)

@@ -16,6 +16,7 @@ from .search import Search, Step
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both.
 LAWS = ("gms", "lugre")
+_NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
 
 
@@ -62,7 +63,9 @@ class FrictionLaw:
         for law in () if search.at_floor else self._laws:
             if law.name in plant or law.name in self._taken:
                 continue
-            result = fit_observations(with_law(plant, law), search.seen)
+            now = search.steps[-1].result
+            most = _NEAR * now.misfit.cost(now.vector)
+            result = fit_observations(with_law(plant, law), search.seen, below=most)
             held_out = cross_validated(result.misfit, result.vector)
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)

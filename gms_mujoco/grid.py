@@ -76,3 +76,20 @@ class Grid:
     def mean(self, torque: Array) -> Array:
         """(n, ...) what `native.Joint.mean` says of torques (N, ...) that run straight between the instants."""
         return series.mean(self.instants, torque)
+
+
+@dataclass(frozen=True, eq=False)
+class Sparse(Grid):
+    """The first two samples and every so many after them.
+
+    Attributes:
+        kernel: (taps,) weights of the torques at `taps` instants in a row, from the second on, in a band-limited value.
+        stride: instants from one band-limited value to the next.
+    """
+
+    kernel: Array
+    stride: int
+
+    def band(self, torque: Array, count: int) -> Array:
+        """(count,) or (columns, count) band-limited values of torques (N,) or (N, columns) at the instants."""
+        return series.band(torque, self.kernel, 1, self.stride, count)

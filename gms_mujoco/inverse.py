@@ -22,7 +22,7 @@ from scipy import interpolate, ndimage, optimize, signal
 
 from . import native
 from .effect import Effect
-from .grid import Grid, Path
+from .grid import Grid, Path, Sparse
 from .native import series
 from .plant import Plant
 from .record import Record
@@ -36,6 +36,7 @@ _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are follow
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
+_MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
@@ -329,7 +330,7 @@ class Observation:
             return np.zeros(len(self.index)) - self.rigid
         if grid is None:
             return self.band(self.seen_by(plant)._mean(joint, memory)[0]) - self.rigid
-        return self.band(grid.mean(self._path(plant, grid).torque(joint, memory))) - self.rigid
+        return self._banded(grid, self._path(plant, grid).torque(joint, memory)) - self.rigid
 
     def elements(
         self, plant: Plant, joint: native.Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
@@ -340,8 +341,11 @@ class Observation:
             effect: its number in the joint; others as for `replay`.
         """
         grid = grid or self.grid(plant, memory)
-        torque = self._path(plant, grid).elements(joint, effect, memory)
-        return self.band(grid.mean(torque))
+        return self._banded(grid, self._path(plant, grid).elements(joint, effect, memory))
+
+    def _banded(self, grid: Grid, torque: Array) -> Array:
+        """(m,) or (columns, m) band-limited values of torques (N,) or (N, columns) at the instants of a grid."""
+        return grid.band(torque, len(self.index)) if isinstance(grid, Sparse) else self.band(grid.mean(torque))
 
     def _path(self, plant: Plant, grid: Grid) -> Path:
         seen = self.seen_by(plant)
@@ -352,9 +356,15 @@ class Observation:
         return Grid(self.seen_by(plant)._mean(plant.joint(), memory, finer)[1])
 
     @cached_property
-    def samples(self) -> Grid:
-        """The samples alone: for a look that need not be exact."""
-        return Grid(np.arange(len(self.record), dtype=float))
+    def sparse(self) -> Grid:
+        """No more samples than band-limited values, if that leaves out but a few: for a look that need not be exact."""
+        every = max(n for n in range(1, _MOST_SKIPPED + 2) if self.stride % n == 0)
+        if every == 1:
+            return Grid(np.arange(len(self.record), dtype=float))
+        # Torques that change faster than that are hardly in the band: the low-pass may do without those samples too.
+        kernel = np.convolve(self._kernel, [1 / 6, 4 / 6, 1 / 6])[1:-1:every]
+        instants = np.append(0.0, np.arange(1.0, len(self.record), every))
+        return Sparse(instants, kernel / kernel.sum(), self.stride // every)
 
     def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
         r = self.record

@@ -11,11 +11,19 @@ from .tall import gram, squared
 Array = NDArray[np.float64]
 
 _WORTH = 0.03  # of the tolerance: a step that promises less is not tried
+_AHEAD = 20  # steps over which a cost may go on to fall as it did: as many as a fit has
+_COARSE = 0.1  # of the squared residual, that the square of the error of a coarse look may be
 _FARTHEST = 6.0  # times its reach, that an unknown moves in one step; of a logarithm 3
 
 
 def solve(
-    misfit: Misfit, start: Array, max_steps: int = 40, tolerance: float = 1e-4, columns: NDArray[np.intp] | None = None
+    misfit: Misfit,
+    start: Array,
+    max_steps: int = 40,
+    tolerance: float = 1e-4,
+    columns: NDArray[np.intp] | None = None,
+    below: float = np.inf,
+    enough: float = 0.0,
 ) -> Array:
     """The vector of least squares near `start`.
 
@@ -30,15 +38,17 @@ def solve(
         max_steps: at most so many derivatives.
         tolerance: stops when the cost has fallen by a smaller share in two steps.
         columns: the unknowns to move; None: all.
+        below: a cost that is of use [N^2 m^2]; stops when that is out of reach at the pace of the last two steps.
+        enough: a cost at which it stops [N^2 m^2].
     """
     lower, upper = misfit.bounds
     columns = np.arange(misfit.size) if columns is None else columns
     x = np.clip(start, lower, upper)
     r = misfit.residual(x)
-    prior = misfit.prior * squared(r) / len(r)
-    cost, damping = squared(r) + float(prior @ x**2), 1e-3
-    stalled, reach = 0, misfit.reach(x)[columns]
+    damping, stalled, reach, pace = 1e-3, 0, misfit.reach(x)[columns], 1.0
     for _ in range(max_steps if len(columns) else 0):
+        prior = misfit.prior * squared(r) / len(r)  # what is left says how much the data tell
+        cost = squared(r) + float(prior @ x**2)
         jacobian = misfit.jacobian(x, columns)[:, columns]
         gradient = gram(jacobian, r) + prior[columns] * x[columns]
         hessian = gram(jacobian, jacobian) + np.diag(prior[columns])
@@ -65,11 +75,38 @@ def solve(
                 break
             damping, growth = damping * growth, 2 * growth
         stalled = stalled + 1 if before - cost <= tolerance * before else 0
-        if stalled == 2 or cost == before:
+        fall = 1 - cost / before if before > 0 else 0.0
+        if stalled == 2 or cost == before or cost < enough or cost * (1 - _AHEAD * max(fall, pace)) > below:
             break
+        pace = fall
     return x
 
 
 def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:
-    """A few steps of the parameters alone: enough to see how good a fit will be."""
-    return solve(misfit, misfit.settle(x), max_steps, tolerance=3e-3, columns=np.arange(misfit.n_common))
+    """A few steps of the parameters alone, most by a coarse look: enough to see how good a fit will be."""
+    common, x = np.arange(misfit.n_common), misfit.settle(x)
+    near = approach(misfit, x, max_steps, 3e-3, common)
+    return solve(misfit, near, max_steps if near is x else max_steps // 3, 3e-3, common)
+
+
+def approach(
+    misfit: Misfit,
+    start: Array,
+    max_steps: int,
+    tolerance: float = 1e-4,
+    columns: NDArray[np.intp] | None = None,
+    below: float = np.inf,
+) -> Array:
+    """As near to the vector of least squares as a coarse look leads, which costs a part of an exact one.
+
+    Its error must be little beside what is left: where it is not, `start` itself, as where there is no record to look
+    at coarsely. Arguments as for `solve`.
+    """
+    if all(o.sparse is None for o in misfit.observations):
+        return start
+    coarse, exact = misfit.coarsely(), misfit.residual(start)
+    enough = squared(coarse.residual(start) - exact) / _COARSE
+    if squared(exact) < enough:
+        return start
+    x = solve(coarse, start, max_steps, tolerance, columns, below, enough)
+    return x if misfit.cost(x) < squared(exact) else start

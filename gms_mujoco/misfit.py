@@ -52,7 +52,7 @@ class Misfit:
         observations: to explain.
         fixed: see `Coordinates`; also what these observations cannot tell from something else.
         memory: whether the states before the records are unknowns; else nothing has ever moved.
-        coarse: torques run straight from sample to sample, for a first look at half the price.
+        coarse: torques are looked at where band-limited values stand alone, for a first look at a part of the price.
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class Misfit:
         def one(k: int) -> tuple[Array, Grid | None]:
             i, o = self._seen[k]
             memory = self.memory(x, i)
-            grid = o.samples if self.set_grids is None else self.set_grids[k]
+            grid = o.sparse if self.set_grids is None else self.set_grids[k]
             if impossible:
                 return _IMPOSSIBLE * o.applied(plant, skew), None
             if self.coarse or self.set_grids is not None:
@@ -194,6 +194,13 @@ class Misfit:
         parts = each(one, range(len(self._seen)))
         self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
         return np.concatenate([r for r, _ in parts])
+
+    def coarsely(self) -> Misfit:
+        """The same problem for a first look, see `coarse`."""
+        out = copy(self)
+        out.coarse = True
+        out._looked, out._before = (np.empty(0), []), {}
+        return out
 
     def on_grids(self, x: Array, finer: float) -> Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
@@ -336,7 +343,7 @@ class Misfit:
         steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
         return np.asarray(steps)
 
-    def with_steps(self, x: Array, deviation: Array) -> Misfit:
+    def with_steps(self, x: Array, deviation: Array | float) -> Misfit:
         """The same problem with derivatives over steps (size,) about as large as what matters, not much off the usual.
 
         Slips begin and end at other instants for every parameter: a difference over less than what the data can tell

@@ -373,7 +373,8 @@ class Search:
         """
         for name, result, held_out in trials[:1]:
             if name not in self.steps[-1].result.plant and self.is_worth_it(result, held_out):
-                alone = refine(*without(result, name))
+                now = self.steps[-1].result
+                alone = refine(*without(result, name), below=now.misfit.cost(now.vector))
                 if alone.error < self.steps[-1].result.error:
                     again = cross_validated(alone.misfit, alone.vector)
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
@@ -384,7 +385,7 @@ class Search:
         An effect that has several forms, which no fit chooses from, is tried in each.
         """
         some = fewer(self.seen, _POINTS)
-        fits = []
+        fits: list[tuple[Misfit, Array]] = []
         for form in _FORMS.get(candidate.effect.name, ({},)):
             plant = joined(current.plant, candidate.effect.replace(**form))
             misfit = Misfit(plant, some)
@@ -392,7 +393,7 @@ class Search:
             fits.append((misfit, nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))))
             if candidate.strong:
                 strong = candidate.strong.replace(**form)
-                fits.append(self._begun(plant.replace(strong), some))
+                fits.append(self._begun(plant.replace(strong), some, min(m.cost(x) for m, x in fits)))
         return min(fits, key=lambda t: t[0].cost(t[1]))
 
     @property
@@ -400,10 +401,10 @@ class Search:
         """Whether whole motions are simulated, and nothing is replayed along a measured one."""
         return any(isinstance(o, ServoObservation) for o in self.seen)
 
-    def _begun(self, plant: Plant, some: Sequence[Seen]) -> tuple[Misfit, Array]:
+    def _begun(self, plant: Plant, some: Sequence[Seen], below: float) -> tuple[Misfit, Array]:
         """A rough fit with an effect that is strong: from the beginning, or of a servo, which bends less, from here."""
         if not self.simulated:
-            return rough_fit(self._fresh(plant), some)
+            return rough_fit(self._fresh(plant), some, below=below)
         misfit = Misfit(plant, some)
         return misfit, nudge(misfit, misfit.vector(plant))
 
@@ -450,7 +451,8 @@ class Search:
         """
         if result.error <= AT_FLOOR * result.floor:
             return result
-        return min(result, fit_observations(self._fresh(result.plant), self.seen), key=_error)
+        begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
+        return min(result, begun, key=_error)
 
     def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""

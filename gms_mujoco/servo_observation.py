@@ -77,7 +77,7 @@ class ServoObservation:
     skews = False  # a delay is an effect of its own here
     additive = False  # each effect acts on the motion that all of them make
     jumps = True  # as the pendulum falls to one side or the other
-    samples = None  # nothing is replayed
+    sparse = None  # nothing is replayed
     score = POSITION
 
     @property

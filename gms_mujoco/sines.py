@@ -36,7 +36,7 @@ class Sines(ABC):
     typical_torque = None  # what is applied is one
     additive = True  # what an effect needs does not depend on the others
     jumps = False  # a motion in closed form has no samples between which an element just slips or just does not
-    samples = None
+    sparse = None
 
     @property
     @abstractmethod

@@ -11,10 +11,10 @@ import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
-from gms_mujoco.fit import FitResult, baseline, fit
+from gms_mujoco.fit import FitResult, baseline, finished, fit, refine
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
-from gms_mujoco.least_squares import solve
+from gms_mujoco.least_squares import approach, solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -247,6 +247,30 @@ def test_the_solver_goes_downhill(fitted: FitResult) -> None:
     start = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
     ends = [rms(misfit.residual(solve(misfit, start, n))) for n in (0, 1, 3, 10)]
     assert ends == sorted(ends, reverse=True) and ends[0] > 1.5 * ends[-1]
+
+
+def test_a_search_that_cannot_come_below_what_is_of_use_is_given_up(fitted: FitResult) -> None:
+    """One that can goes on as if nobody had asked."""
+    misfit = fitted.misfit
+    start = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
+    costs = [misfit.cost(solve(misfit, start, below=b * misfit.cost(fitted.vector))) for b in (0.3, 1.01, math.inf)]
+    assert costs[0] >= costs[1] == costs[2]
+
+
+def test_a_coarse_look_leads_near_and_not_away(fitted: FitResult) -> None:
+    misfit = Misfit(fitted.misfit.coordinates.template, fitted.misfit.observations)
+    far = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-4)))
+    assert misfit.cost(approach(misfit, far, 20)) < 0.01 * misfit.cost(far)
+    np.testing.assert_array_equal(approach(misfit, fitted.vector, 20), fitted.vector)  # its error is more than is left
+
+
+def test_a_fit_is_finished_with_its_intervals() -> None:
+    misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.0), J))
+    near = refine(misfit, misfit.vector(HEALTHY))
+    whole = finished(near)
+    assert not near.plant.uncertainty and {"gms.coulomb", "viscous.coefficient"} <= set(whole.plant.uncertainty)
+    fine = misfit.on_grids(whole.vector, 10.0)
+    assert fine.cost(whole.vector) <= fine.cost(near.vector)
 
 
 def test_the_covariance_is_symmetric_and_positive(fitted: FitResult) -> None:

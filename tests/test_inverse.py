@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench import COUNT, J, rms, run
+from bench import COUNT, HEALTHY, J, rms, run, runs
 
 from gms_mujoco import effects
 from gms_mujoco.excitation import multisine
@@ -153,3 +153,14 @@ def test_the_opening_is_the_first_part() -> None:
     n = len(first.index)
     np.testing.assert_allclose(first.applied(BARE), o.applied(BARE)[:n])
     assert o.opening(100.0) is o
+
+
+def test_a_sparse_look_is_that_of_every_sample_where_torques_change_slowly() -> None:
+    o = Observation(runs(HEALTHY, seconds=3.0)[2], 40.0)
+    every = len(o.sparse.instants) / len(o.record)
+    assert every < 0.5
+    exact, sparse = o.replay(HEALTHY), o.replay(HEALTHY, grid=o.sparse)
+    assert rms(sparse - exact) < 0.02 * rms(exact)
+    elements = o.elements(HEALTHY, HEALTHY.joint(), 0, grid=o.sparse)
+    alone = o.replay(HEALTHY.part("gms"), grid=o.sparse)
+    np.testing.assert_allclose(elements.sum(0), alone, atol=1e-12)
