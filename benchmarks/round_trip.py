@@ -29,7 +29,7 @@ from gms_mujoco.plant import Plant
 
 H, COUNT, NOISE = 5e-4, 2 * np.pi / 1e6, 2e-5
 AMPLITUDES, POINTS = 8, 10
-SUBSTEPS, WAIT = 20, 24
+SUBSTEPS = 20
 SETTLED = 4.0  # s, in which what sets in with the sine dies away
 CIRCLE = np.sqrt(-np.log(0.05))  # of a complex normal with E|e|^2 = 1
 
@@ -43,7 +43,7 @@ def measured(plant: Plant, seed: int) -> list[FRF]:
         middle = np.sqrt(springs / plant.inertia) / (2 * np.pi)
         grid = np.geomspace(0.5, 5, POINTS) * middle
         bench = {"resolution": COUNT, "torque_noise": NOISE, "seed": 1000 * seed + 20 * i, "substeps": SUBSTEPS}
-        out.append(gms.stepped_sine(plant, grid, size, transient=WAIT, **bench))
+        out.append(gms.stepped_sine(plant, grid, size, **bench))
     return out
 
 

@@ -138,7 +138,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=int, default=0, help="of a bootstrap (default: 0)")
     sub.add_argument("--joint", metavar="NAME", help="of a bootstrap, where the set is of several joints")
 
-    sub = command("frf", _frf, "estimate frequency responses, and read friction from the Dahl resonance",
+    sub = command("frf", _frf, "estimate frequency responses, inside a loop by its reference where that was logged, "
+                  "and read friction from the Dahl resonance",
                   "frf measurements/ -o responses.csv")
     dataset(sub)
     sub.add_argument("-o", "--output", metavar="FILE.csv", help="write every response to this file")
@@ -295,8 +296,11 @@ def _frf(options: argparse.Namespace) -> None:
     runs = _load(options)
     found = list(runs.frfs)
     for record in runs.records:
+        way: Any = {"period": options.period, "segment": options.segment, "kind": runs.kind}
+        if record.get("reference") is not None:
+            way["method"] = "indirect"
         try:
-            found.append(estimate_frf(record, period=options.period, segment=options.segment, kind=runs.kind))
+            found.append(estimate_frf(record, **way))
         except DataError as error:
             print(f"{PROGRAM}: warning: left out: {error}", file=sys.stderr)
     if not found:

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = (*UNITS, "current")
 OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
+_ASKED_FOR = ("reference",)  # a column of that name may be anything
 _UNIT_BEHIND = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # of a column's name
 _LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 
@@ -101,7 +102,7 @@ def pick(
     for key in (*(["time"] if rate is None else []), "position", drive):
         wanted.setdefault(key, available.get(key, key))
     for key in OPTIONAL:
-        if available.get(key) in table.columns and key not in chosen:
+        if available.get(key) in table.columns and key not in chosen and key not in _ASKED_FOR:
             wanted[key] = available[key]
     raw = {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
     stated = {key: _stated(table, at) for key, at in wanted.items()}

@@ -205,7 +205,7 @@ def estimate_frf(
         records: one, or several with equal sample time.
         input, output: signals of the records; output "velocity" is taken as it was recorded.
         method: "h1" or "indirect".
-        reference: (n,) for each record, for "indirect".
+        reference: (n,) for each record, for "indirect"; None: the signal of that name.
         period: of the excitation [s], a whole number of samples; None: found from the input (`find_period`).
         transient: periods discarded at the start; None: one, or a quarter of the shortest record where that is more.
         segment: length of Welch segments [s] for excitation without period; None: an eighth of the shortest record.
@@ -222,7 +222,13 @@ def estimate_frf(
     if method not in METHODS:
         raise DataError(f"method must be one of {listing(METHODS)}; {method!r} given")
     if method == "indirect" and reference is None:
-        raise DataError("method indirect needs the reference of the loop, one array for each record")
+        logged = [r.get("reference") for r in runs]
+        if any(x is None for x in logged):
+            raise DataError(
+                "method indirect needs the reference of the loop: a signal of each record (in dataset.toml columns = "
+                "{ reference = ... }), or one array for each"
+            )
+        reference = logged[0] if isinstance(records, Record) else [x for x in logged if x is not None]
     h = runs[0].sample_time
     for r in runs:
         if abs(r.sample_time - h) > 1e-6 * h:

@@ -117,7 +117,8 @@ def from_table(
     what = f"{output} over {input} [{response_unit(input, output, kind)}] from {how}"
     said = f"{len(where)} frequencies, {where[0]:.4g} to {where[-1]:.4g} Hz"
     if repeats.max() > 1:
-        said += f", mean of {repeats.min()} to {repeats.max()} repeats ({rejected} outliers without weight)"
+        few, many = int(repeats.min()), int(repeats.max())
+        said += f", mean of {few if few == many else f'{few} to {many}'} repeats ({rejected} outliers without weight)"
     return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
                notes=(what, said, *notes), **values)
 
@@ -264,7 +265,11 @@ def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, t
     if table.named:
         _detect(table, out)
     if "frequency" not in out:
-        raise DataError(f"no column for the frequency among {listing(names)}; name it: columns = {{ frequency = ... }}")
+        in_time = any(n.lower().startswith("time") for n in names)
+        timed = "; what was measured in time belongs under [[record]]" if in_time else ""
+        raise DataError(
+            f"no column for the frequency among {listing(names)}; name it: columns = {{ frequency = ... }}{timed}"
+        )
     polar, cartesian = {"magnitude", "phase"} & set(out), {"real", "imag"} & set(out)
     if len(cartesian) == 2 and not any(k in chosen for k in polar):
         for key in polar:

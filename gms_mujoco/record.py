@@ -23,6 +23,7 @@ UNITS: Mapping[str, str] = {
     "velocity": "rad/s",
     "load": "N m",
     "temperature": "degC",
+    "reference": "rad",
     "rigid_torque": "N m",
     "inertia_change": "kg m^2",
 }
@@ -37,7 +38,8 @@ class Record:
         name: where it comes from, for messages and plots.
         time: (n,) [s], equally spaced.
         signals: (n,) each, by the names in `UNITS`. `torque` is what the drive was told (or measured) to apply
-            from each sample to the next; `position` is read at the sample. Of a joint of a robot, `rigid_torque` is
+            from each sample to the next; `position` is read at the sample; `reference` is where a closed loop was told
+            to be, which the indirect estimate of a frequency response needs. Of a joint of a robot, `rigid_torque` is
             what the rigid bodies take beyond inertia times acceleration, and `inertia_change` what the inertia about
             the joint is in that pose less the axis's (see robot.py).
         use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).

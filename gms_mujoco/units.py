@@ -27,6 +27,7 @@ _RATE = {f"{unit}/s": factor for unit, factor in _LENGTH.items()}
 _TABLES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
     "time": (_TIME, _TIME),
     "position": (_ANGLE, _LENGTH),
+    "reference": (_ANGLE, _LENGTH),
     "velocity": (_SPEED, _RATE),
     "torque": (_TORQUE, _FORCE),
     "load": (_TORQUE, _FORCE),
@@ -34,6 +35,7 @@ _TABLES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
     "inertia_change": ({"kgm^2": 1.0}, {"kg": 1.0}),
     "current": (_CURRENT, _CURRENT),
 }
+_COUNTED = ("position", "reference", "velocity")
 _CELSIUS, _FAHRENHEIT = (1.0, 0.0), (5 / 9, -160 / 9)  # factor, offset
 _TEMPERATURE = {"degC": _CELSIUS, "C": _CELSIUS, "K": (1.0, -273.15), "degF": _FAHRENHEIT, "F": _FAHRENHEIT}
 
@@ -54,7 +56,7 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
     known, spelled = _known(column, kind), _spelled(unit)
     if spelled in known:
         return known[spelled]
-    if column in ("position", "velocity") and spelled.removesuffix("/s") in COUNTS:
+    if column in _COUNTED and spelled.removesuffix("/s") in COUNTS:
         if spelled.endswith("/s") != (column == "velocity"):
             raise DataError(f"{unit!r} does not measure {column}; expected one of {listing(known)}")
         if count is None:
@@ -66,7 +68,7 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
             if spelled in _known(other, joint):
                 what = f"{other} of a {joint} joint"
                 raise DataError(f"{unit!r} measures {what}, not {column} of a {kind} joint; expected {listing(known)}")
-    takes = [*known, *(["counts" + "/s" * (column == "velocity")] if column in ("position", "velocity") else [])]
+    takes = [*known, *(["counts" + "/s" * (column == "velocity")] if column in _COUNTED else [])]
     raise DataError(f"unknown unit {unit!r}; {column} of a {kind} joint takes {listing(takes)}")
 
 

@@ -12,8 +12,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from gms_mujoco import cli, effects, files
-from gms_mujoco.dataset import save
+from gms_mujoco import cli, effects, files, formats
+from gms_mujoco.bench import measure
+from gms_mujoco.control import PID
+from gms_mujoco.dataset import load, save
+from gms_mujoco.errors import DataError
+from gms_mujoco.excitation import Excitation
+from gms_mujoco.frf import estimate_frf
+from gms_mujoco.frf_table import from_table
 from gms_mujoco.plant import Plant
 from gms_mujoco.progress import Bar
 from gms_mujoco.simulate import simulate
@@ -187,6 +193,28 @@ def test_frf_prints_resonances_and_reads_friction(tmp_path: Path, capsys: pytest
     printed = capsys.readouterr().out
     assert "level_0_4.csv and 8 more" in printed and "resonance [Hz]" in printed and "elements, stiffness" in printed
     assert out.read_text().count("\n") == 3 + 1 + 27 and "frequency [Hz]" in out.read_text()
+
+
+def test_frf_of_a_closed_loop_is_the_indirect_one_where_its_reference_was_logged(tmp_path: Path) -> None:
+    axis = Plant.axis(2.4e-5) + effects.Spring(stiffness=0.5) + effects.Viscous(coefficient=1e-3)
+    wave = Excitation.multisine(5e-4, 0.5, 10, 200, 2e-3, 0, lines=12)
+    loop = measure(axis, wave, controller=lambda: PID(2.4e-5, 5e-4, bandwidth=30.0), position_noise=3e-4, seed=1)
+    r = loop.records[0]
+    table = {"time": r.time, "torque": r.torque, "position": r.position, "asked": loop.excitations[0]}
+    formats.write(tmp_path / "loop.csv", table)
+    entry = '[[record]]\nfile = "loop.csv"\nuse = "fit"\n'
+    found = {}
+    for name, columns in (("plain", ""), ("loop", 'columns = { reference = "asked" }\n')):
+        (tmp_path / "dataset.toml").write_text("[axis]\n" + entry + columns)
+        assert cli.main(["frf", str(tmp_path), "--period", "0.5", "-o", str(tmp_path / f"{name}.out.csv")]) == 0
+        found[name] = from_table(formats.read(tmp_path / f"{name}.out.csv"), name, "torque", "position")
+    with_reference = load(tmp_path).records[0]
+    exact = estimate_frf(with_reference, method="indirect", period=0.5)
+    assert np.allclose(found["loop"].response, exact.response)
+    assert np.allclose(exact.response, loop.frf().response, rtol=1e-6)
+    assert len(found["loop"]) == 12 < len(found["plain"])  # noise that is fed back looks excited without a reference
+    with pytest.raises(DataError, match="needs the reference of the loop"):
+        estimate_frf(r, method="indirect", period=0.5)
 
 
 def test_frf_of_a_folder_with_responses_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
