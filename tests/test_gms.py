@@ -133,3 +133,17 @@ def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
     assert torque[1] == pytest.approx(1.2 * FC)
     assert torque[2] == pytest.approx(0.8 * FC)
     assert torque[3] == pytest.approx(0.8 * FC - 0.999e-3)
+
+
+@pytest.mark.parametrize("parts", [1, 3, 10])
+def test_a_load_that_falls_after_a_reversal_does_not_break_an_element_away(parts):
+    """It falls with the level and then unwinds as a spring, whatever the step."""
+    law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FC, stribeck_velocity=VS, attraction=0.1)
+    joint = (Plant.axis() + law + effects.LoadDependentFriction(coefficient=1.0)).joint()
+    t = np.linspace(0, 3, 3 * parts + 1)
+    q = np.interp(t, [0, 1, 2, 3], [0, 0.02, 0.02 - 1e-6, 0.02 - 1e-3])
+    load = np.interp(t, [0, 1, 2, 3], [0.2, 0.2, 0.1, 0.1])
+    torque = -joint.replay(t, q, np.gradient(q, t), load).torque
+    unwound = 1.1 * 1.0 * 0.999e-3  # stiffness grows with the level
+    assert torque[2 * parts] == pytest.approx(1.1 * FC, rel=1e-3)
+    assert torque[-1] == pytest.approx(1.1 * FC - unwound, rel=1e-2)

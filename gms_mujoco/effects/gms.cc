@@ -45,15 +45,16 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
   const double *stiffness = p, *fraction = p + n;
   const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction), most = p[2 * n + 1] * scale;
   const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
-  const bool slips_back = at.stiffens;
+  const bool slips_back = at.stiffens && scale < at.at(-direction);
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
     const double before = direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
     const double limit = fraction[i] * level, lowest = -fraction[i] * most, stuck = before + stiffness[i] * distance;
     // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
-    // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. Where what modulates
-    // friction no longer lets it carry its force it gives way: a limit that has dropped, the stiffness being what it was,
-    // is no slip in the direction of motion.
+    // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
+    // before falls to what friction now lets it carry, and it sticks at that: whether a limit that drops, as with the load,
+    // overtakes a force that unwinds is a matter of noise and of the step. Where it comes to a direction in which it is
+    // weaker as a whole it gives way instead.
     const double reach = slip == direction ? kAnyForce : stuck;
     const double least = slip == direction ? -kAnyForce : stuck < lowest ? lowest - limit : 0;
     const double gives = slips_back ? lowest : -kAnyForce;
