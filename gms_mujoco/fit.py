@@ -61,6 +61,10 @@ class FitResult:
     noise: Noise
     floor_rows: Array
 
+    def floor_under(self, noise: Noise) -> Array:
+        """(m,) residual that another noise than that found would leave through this plant [N m]."""
+        return np.concatenate(_floor_rows(self.misfit, self.vector, self.misfit.residual(self.vector), noise))
+
     @property
     def habit(self) -> str:
         """A sentence on how the records were logged, where that was allowed for; else ""."""
@@ -291,6 +295,15 @@ def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
     return [errors_of(r) for r in rows] if score.of == "position" else list(rows)
 
 
+def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list[Array]:
+    """Of each observation the residual that noise like this would leave, no louder than what is left."""
+    plant, rng = misfit.coordinates.decode(x[: misfit.coordinates.size]), np.random.default_rng(0)
+    return [
+        believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
+        for i, (o, left) in enumerate(zip(misfit.observations, np.split(residual, misfit.splits), strict=True))
+    ]
+
+
 def _result(misfit: Misfit, x: Array) -> FitResult:
     n = misfit.coordinates.size
     plant = misfit.coordinates.decode(x[:n])
@@ -300,11 +313,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     error = score.pooled(_told(score, np.split(residual, misfit.splits)), applied)
     assert plant.inertia is not None
     noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
-    rng = np.random.default_rng(0)
-    floor_rows = [
-        believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
-        for i, (o, left) in enumerate(zip(observations, np.split(residual, misfit.splits), strict=True))
-    ]
+    floor_rows = _floor_rows(misfit, x, residual, noise)
     floor = score.pooled(_told(score, floor_rows), applied)
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {

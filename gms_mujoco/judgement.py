@@ -16,6 +16,7 @@ from .fit import FitResult
 from .held_out import HeldOut, p_value
 from .linear_model import LinearModel, determined
 from .misfit import Misfit
+from .noise import Noise
 from .plant import Plant
 from .speed_curve import curve
 
@@ -127,10 +128,11 @@ def left_of(misfit: Misfit, vector: Array) -> float:
     return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2)) / misfit.delivered(vector)
 
 
-def floor_of(result: FitResult) -> float:
-    """The same that sensor noise alone would leave [N^2 m^2]."""
+def floor_of(result: FitResult, noise: Noise | None = None) -> float:
+    """The same that sensor noise alone would leave, as found or another [N^2 m^2]."""
     misfit = result.misfit
-    return float(np.sum(result.floor_rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
+    rows = result.floor_rows if noise is None else result.floor_under(noise)
+    return float(np.sum(rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
 
 
 def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:

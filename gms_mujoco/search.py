@@ -330,9 +330,17 @@ class Search:
 
         What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
         more harmonic of an effect that is there already, no new cause, asks for no `share`.
+
+        What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
+        the noise is less says nothing for an effect.
         """
-        floor = 0.0 if self.at_floor else min(floor_of(self.steps[-1].result), floor_of(result))
-        return takes(self.held_out.total, held_out.total, floor, share)
+        now = self.steps[-1].result
+        if not self.at_floor:
+            return takes(self.held_out.total, held_out.total, min(floor_of(now), floor_of(result)), share)
+        if not takes(self.held_out.total, held_out.total, 0.0, share):
+            return False
+        quieter = max(floor_of(now, result.noise) - floor_of(result), 0.0)
+        return takes(self.held_out.total, held_out.total + quieter, 0.0, share)
 
     def _is_the_rest(self, trial: Trial, p: float) -> bool:
         """Whether at the noise floor an effect is beyond doubt, and takes much of the little that is above it.

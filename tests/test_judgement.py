@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gms_mujoco import effects
+from gms_mujoco import effects, search
 from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
 from gms_mujoco.plant import Plant
 
@@ -38,3 +38,16 @@ def test_a_series_goes_on_with_a_usual_harmonic_at_no_least_share() -> None:
     plant = Plant.axis(1e-5) + teeth
     assert least_share(plant, grown[12]) == 0 and least_share(plant, grown[561]) == LEAST_SHARE
     assert least_share(Plant.axis(1e-5), grown[12]) == LEAST_SHARE
+
+
+@pytest.mark.parametrize(("quieter", "worth"), [(0.0, True), (50.0, False)], ids=["as loud", "quieter"])
+def test_at_the_floor_less_noise_is_no_explanation(monkeypatch: Any, quieter: float, worth: bool) -> None:
+    """A coupling takes inertia off high frequencies and with it the encoder's noise, whatever the axis is."""
+    now: Any
+    result: Any
+    now, result = SimpleNamespace(), SimpleNamespace(noise=None)
+    monkeypatch.setattr(search, "floor_of", lambda r, noise=None: 40.0 + quieter * (r is now))
+    left = SimpleNamespace(total=100.0)
+    state: Any = SimpleNamespace(at_floor=True, held_out=left, steps=[SimpleNamespace(result=now)])
+    held_out: Any = SimpleNamespace(total=60.0)
+    assert search.Search.is_worth_it(state, result, held_out) == worth
