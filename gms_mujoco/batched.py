@@ -30,6 +30,7 @@ class Layout:
         dofs, places: of these joints in qvel and in qpos.
         effects: names of all effects in use.
         joints, uses: tables for the kernel, see native/kernel.h.
+        implicit: numbers of the joints that are too stiff for an explicit step, or asked for an implicit one.
         parameters: (n_parameter,) of all joints.
         columns: where the values of "effect.parameter" of a joint stand among them.
         states: where the state of each effect of a joint stands in a row of `n_state`.
@@ -42,6 +43,7 @@ class Layout:
     effects: tuple[str, ...]
     joints: tuple[tuple[int, ...], ...]
     uses: tuple[tuple[int, ...], ...]
+    implicit: tuple[int, ...]
     parameters: NDArray[np.float64]
     columns: Mapping[str, Mapping[str, slice]]
     states: Mapping[str, Mapping[str, slice]]
@@ -92,7 +94,7 @@ def lay_out(model: mujoco.MjModel) -> Layout:
     """Reads the friction of a model that has been attached to it.
 
     Raises:
-        ModelError: no joint has friction, or it is too stiff for an explicit step.
+        ModelError: no joint has friction.
         EngineError: the model has other plug-ins, or sensors of the friction.
     """
     data = mujoco.MjData(model)
@@ -100,6 +102,7 @@ def lay_out(model: mujoco.MjModel) -> Layout:
     dofs: list[int] = []
     places: list[int] = []
     joints: list[tuple[int, ...]] = []
+    implicit: list[int] = []
     uses: list[tuple[int, ...]] = []
     packed: list[NDArray[np.float64]] = []
     effects: dict[str, int] = {}
@@ -111,7 +114,8 @@ def lay_out(model: mujoco.MjModel) -> Layout:
         if friction is None:
             continue
         name = model.joint(i).name
-        _check(name, friction, model.opt.timestep)
+        if friction.stiffness > friction.limit:
+            implicit.append(len(joints))
         own, at, n_uses = OWN_STATE, first, len(uses)
         columns[name], states[name] = {}, {}
         for effect, n, p in friction.effects:
@@ -125,7 +129,8 @@ def lay_out(model: mujoco.MjModel) -> Layout:
                 states[name][effect] = slice(first_state + own, first_state + own + n_state)
             own += n_state
             packed.append(p)
-        joints.append((n_uses, len(uses) - n_uses, first, at - first, first_state, own))
+        row = (n_uses, len(uses) - n_uses, first, at - first, first_state, own)
+        joints.append((*row, int(friction.stiffness > friction.limit)))
         names.append(name)
         dofs.append(int(model.jnt_dofadr[i]))
         places.append(int(model.jnt_qposadr[i]))
@@ -134,17 +139,8 @@ def lay_out(model: mujoco.MjModel) -> Layout:
         raise ModelError("no joint of the model has friction of gms_mujoco; put it on with gms_mujoco.attach")
     return Layout(
         _bare(model), tuple(names), tuple(dofs), tuple(places), tuple(effects), tuple(joints), tuple(uses),
-        np.concatenate(packed), columns, states, first_state,
+        tuple(implicit), np.concatenate(packed), columns, states, first_state,
     )  # fmt: skip
-
-
-def _check(joint: str, friction: native.Attached, timestep: float) -> None:
-    if friction.stiffness > friction.limit:
-        raise ModelError(
-            f"joint {joint!r}: its friction is too stiff for an explicit step of {timestep:g} s (h slope / inertia is "
-            f"{friction.stiffness:.3g}, at most {friction.limit:g} expected): take a shorter time step, or gms, dahl "
-            'or lugre in the place of a static law, or attach with integration="explicit" to have it so'
-        )
 
 
 def _bare(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -1,7 +1,8 @@
 """The friction of a model in a kernel of NVIDIA Warp: the effects' own C++ files, compiled by Warp for a CPU or a GPU.
 
 No law is written a second time. Warp puts the text of a native snippet into the source of its module as it stands; ours
-brings effect.h, the laws in effects/*.cc (each file up to its table), and native/kernel.h, which evaluates one joint.
+brings effect.h, the laws in effects/*.cc (each file up to its table), and native/kernel.h, which evaluates one joint
+and solves for stiff ones.
 """
 
 import functools
@@ -18,7 +19,7 @@ except ImportError:
     raise EngineError("friction in many worlds needs NVIDIA Warp: pip install 'gms-mujoco[warp]'") from None
 
 _PACKAGE = Path(__file__).parent
-_HEADERS = ("native/effect.h", "native/hidden_body.h")
+_HEADERS = ("native/effect.h", "native/hidden_body.h", "native/backward_euler.h", "native/tree.h")
 
 # Warp's compilers have no headers of the standard library, but declare these functions of C.
 # And they have turned the names of types into macros.
@@ -38,6 +39,8 @@ inline double ceil(double x) { return ::ceil(x); }
 inline double fmax(double x, double y) { return x > y || y != y ? x : y; }
 inline double fmin(double x, double y) { return x < y || y != y ? x : y; }
 inline double copysign(double x, double y) { return (y < 0) == (x < 0) ? x : -x; }
+inline bool isnan(double x) { return x != x; }
+inline double nan(const char*) { const double zero = 0; return zero / zero; }
 inline double expm1(double x) {
   const double e = ::exp(x);
   return e == 1 ? x : (e - 1) * x / ::log(e);
@@ -71,14 +74,18 @@ def source(layout: Layout) -> str:
     joints, uses = (", ".join(str(x) for row in table for x in row) for table in (layout.joints, layout.uses))
     return "\n".join(
         [
+            "#ifndef GMS_MUJOCO_KERNEL",  # several functions of one kernel bring it
             _STANDARD,
             *map(_text, _HEADERS),
             *map(_law, layout.effects),
             f"#define GMS_MOST_PARAMETERS {max(row[3] for row in layout.joints)}",
             f"#define GMS_MOST_STATES {max(row[5] for row in layout.joints)}",
+            f"#define GMS_STATES {layout.n_state}",
+            f"#define GMS_IMPLICIT {len(layout.implicit)}" if layout.implicit else "",
             "namespace gms {",
             f"static const int kJoints[] = {{{joints}}};",
             f"static const int kUses[] = {{{uses}}};",
+            f"static const int kImplicit[] = {{{', '.join(map(str, layout.implicit or (-1,)))}}};",
             _switch("void", "modulate", given + "Level& level", "p, n, m, level", modulators, ""),
             _switch(
                 "double", "torque", given + "const Level& level, const double* state, double* next",
@@ -86,7 +93,7 @@ def source(layout: Layout) -> str:
             ),
             "}",
             _text("native/kernel.h"),
-            '#undef std\n#pragma pop_macro("int")',
+            '#undef std\n#pragma pop_macro("int")\n#endif',
         ]
     )  # fmt: skip
 
@@ -105,6 +112,47 @@ def _snippet(text: str, real: str) -> str:
 double {name}(int joint, const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
               double position, double velocity, double pull, double given) {{
     return gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity, pull, given);
+"""
+
+
+@functools.cache
+def _solving(text: str, real: str) -> str:
+    """The same for the joints that are solved for together."""
+    name = f"gms_settle_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    declaration = f"void {name}(const {real}*, const {real}*, {real}*, double, double, double*)"
+    return f"""
+    {declaration};
+    {name}(wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0), time, timestep,
+           wp::address(room, world, 0));
+}}
+{text}
+void {name}(const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
+            double* room) {{
+    gms::settle(parameters, before, after, time, timestep, room);
+"""
+
+
+@functools.cache
+def _responding(text: str) -> str:
+    """The same for what these joints do without their friction, and how they answer to it."""
+    name = f"gms_respond_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    declaration = (
+        f"void {name}(int, const int*, const int*, const int*, const float*, const float*, float, const float*, "
+        "const float*, const int*, double, double*, double*)"
+    )
+    return f"""
+    {declaration};
+    {name}(size, wp::address(row_size, 0), wp::address(row_start, 0), wp::address(column, 0),
+           wp::address(inertia, world, 0), wp::address(damping, row, 0), damps, wp::address(velocity, world, 0),
+           wp::address(torque, world, 0), wp::address(dofs, 0), timestep, wp::address(work, world, 0),
+           wp::address(room, world, 0));
+}}
+{text}
+void {name}(int size, const int* row_size, const int* row_start, const int* column, const float* inertia,
+            const float* damping, float damps, const float* velocity, const float* torque, const int* dofs,
+            double timestep, double* work, double* room) {{
+    gms::respond({{size, row_size, row_start, column}}, inertia, damping, damps, velocity, torque, dofs, timestep, work,
+                 room);
 """
 
 
@@ -140,6 +188,69 @@ def evaluator(layout: Layout, real: Any) -> Any:
     ) -> wp.float64: ...
 
     return friction
+
+
+def solver(layout: Layout, real: Any) -> Any:
+    """A Warp function: the torques of the implicit joints of a world over the step that begins, by backward Euler.
+
+    Args:
+        layout: of the model, with implicit joints.
+        real: as for `evaluator`, which has to be called first.
+
+    Returns:
+        f(parameters, row, before, after, world, time, timestep, room); `room` is (nworld, room_size(layout)) float64,
+        its rows are those of native/kernel.h.
+    """
+    snippet = _solving(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
+
+    @wp.func_native(snippet)
+    def settle(
+        parameters: wp.array2d[real],
+        row: int,
+        before: wp.array2d[real],
+        after: wp.array2d[real],
+        world: int,
+        time: wp.float64,
+        timestep: wp.float64,
+        room: wp.array2d[wp.float64],
+    ): ...
+
+    return settle
+
+
+def responder(layout: Layout) -> Any:
+    """A Warp function that fills the room of `solver` from the inertia that MuJoCo Warp has, see native/kernel.h."""
+
+    @wp.func_native(_responding(source(layout)))
+    def respond(
+        size: int,
+        row_size: wp.array[int],
+        row_start: wp.array[int],
+        column: wp.array[int],
+        inertia: wp.array2d[float],
+        damping: wp.array2d[float],
+        row: int,
+        damps: float,
+        velocity: wp.array2d[float],
+        torque: wp.array2d[float],
+        dofs: wp.array[int],
+        timestep: wp.float64,
+        world: int,
+        work: wp.array2d[wp.float64],
+        room: wp.array2d[wp.float64],
+    ): ...
+
+    return respond
+
+
+# Rows of the room of `solver`, as in native/kernel.h.
+POSITION, VELOCITY, FREE, GIVEN, PUSH, SOLVED, RESPONSE = range(7)
+
+
+def room_size(layout: Layout) -> int:
+    """Numbers that `solver` needs of each world."""
+    n = len(layout.implicit)
+    return (RESPONSE + n) * n
 
 
 def jax_torque(layout: Layout) -> Any:
@@ -187,4 +298,43 @@ def jax_torque(layout: Layout) -> Any:
         num_outputs=2,
         launch_dims=(1, n_joints),
         output_dims={"torque": (1, n_joints), "state": (1, n_state)},
+    )
+
+
+def jax_solver(layout: Layout) -> Any:
+    """The torque of the implicit joints of one world as a JAX function, which maps over more.
+
+    Returns:
+        f(parameters, state, time, timestep, given) -> torque (1, n_implicit), state; each (1, n) float32. `given` has
+        the rows POSITION to GIVEN of the room, and then those from RESPONSE on.
+    """
+    settle = solver(layout, wp.float32)
+    n, size = len(layout.implicit), room_size(layout)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def settle_kernel(
+        parameters: wp.array2d[float],
+        before: wp.array2d[float],
+        time: wp.array2d[float],
+        timestep: wp.array2d[float],
+        given: wp.array2d[float],
+        torque: wp.array2d[float],
+        state: wp.array2d[float],
+        room: wp.array2d[wp.float64],
+    ):
+        world = wp.tid()
+        for i in range(wp.static(PUSH * n)):
+            room[world, i] = wp.float64(given[world, i])
+        for i in range(wp.static(n * n)):
+            room[world, wp.static(RESPONSE * n) + i] = wp.float64(given[world, wp.static(PUSH * n) + i])
+        now, step = wp.float64(time[world, 0]), wp.float64(timestep[world, 0])
+        settle(parameters, world, before, state, world, now, step, room)
+        for i in range(n):
+            torque[world, i] = float(room[world, wp.static(PUSH * n) + i])
+
+    return wp.jax_kernel(
+        settle_kernel,
+        num_outputs=3,
+        launch_dims=(1,),
+        output_dims={"torque": (1, n), "state": (1, layout.n_state), "room": (1, size)},
     )

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from . import batched
 from .errors import EngineError, ModelError
-from .kernel import jax_torque
+from .kernel import jax_solver, jax_torque
 
 try:
     import jax
@@ -27,6 +27,9 @@ try:
     from mujoco import mjx
 except ImportError:
     raise EngineError("friction under MJX needs it: pip install 'gms-mujoco[mjx]'") from None
+
+
+_DAMPER, _EULERDAMP = int(mujoco.mjtDisableBit.mjDSBL_DAMPER), int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 
 
 class Friction:
@@ -40,6 +43,8 @@ class Friction:
     def __init__(self, layout: batched.Layout) -> None:
         self._layout = layout
         self._torque = jax_torque(layout)
+        self._solve = jax_solver(layout) if layout.implicit else None
+        self._solved = np.array([layout.dofs[i] for i in layout.implicit], int)
         self._dofs, self._places = np.array(layout.dofs), np.array(layout.places)
         self.joints = layout.names
         self.parameters = jnp.asarray(layout.parameters, jnp.float32)
@@ -82,7 +87,8 @@ class Friction:
     ) -> tuple[jax.Array, jax.Array]:
         """Torque on each joint with friction [N m] (n_joints,), and the state here.
 
-        The state moves on where the time of `d` is later than its own; else it stays, whatever is asked.
+        The state moves on where the time of `d` is later than its own; else it stays, whatever is asked. Joints that
+        are too stiff for an explicit step are solved for together, by backward Euler: that takes an `mjx.forward` more.
         """
         p = self.parameters if parameters is None else parameters
         time, step = jnp.reshape(d.time, (1,)), jnp.reshape(m.opt.timestep, (1,))
@@ -92,7 +98,25 @@ class Friction:
         motion = (time, step, d.qpos[self._places], d.qvel[i], pull, given)
         inputs = [jnp.asarray(x, jnp.float32)[None] for x in (p, state, *motion)]
         torque, state = self._torque(*inputs)
-        return torque[0], state[0]
+        if self._solve is None:
+            return torque[0], state[0]
+        free, response = self._without(m, d, torque[0])
+        implicit, at = np.array(self._layout.implicit), self._solved
+        given = jnp.concatenate([d.qpos[self._places[implicit]], d.qvel[at], free, motion[-1][implicit], response])
+        inputs = [jnp.asarray(x, jnp.float32)[None] for x in (p, state[0], time, step, given)]
+        solved, state, _ = self._solve(*inputs)
+        return torque[0].at[implicit].set(solved[0]), state[0]
+
+    def _without(self, m: mjx.Model, d: mjx.Data, torque: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Velocities (n,) at the end of the step without friction of the implicit joints, and what torques change of
+        them (n * n,)."""
+        now = mjx.forward(m, d.replace(qfrc_applied=d.qfrc_applied.at[self._dofs].add(torque)))
+        off = int(m.opt.disableflags)
+        damped = not off & _DAMPER and not (m.opt.integrator == mjx.IntegratorType.EULER and off & _EULERDAMP)
+        inertia = mjx.full_m(m, now) + (m.opt.timestep * jnp.diag(m.dof_damping) if damped else 0)
+        at = self._solved
+        response = m.opt.timestep * jnp.linalg.inv(inertia)[at]
+        return d.qvel[at] + response @ now.qfrc_smooth, response[:, at].ravel()
 
     def step(
         self, m: mjx.Model, d: mjx.Data, state: jax.Array, parameters: jax.Array | None = None
@@ -120,8 +144,7 @@ def put_model(model: mujoco.MjModel) -> tuple[mjx.Model, Friction]:
         model: with friction from `gms_mujoco.attach`.
 
     Raises:
-        ModelError: no joint has friction, it is too stiff for an explicit step, or the
-            integrator is another than Euler or implicitfast.
+        ModelError: no joint has friction, or the integrator is another than Euler or implicitfast.
         EngineError: the model has other plug-ins, or sensors of the friction.
     """
     if model.opt.integrator not in (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICITFAST):

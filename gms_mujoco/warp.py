@@ -6,8 +6,9 @@
     mujoco_warp.step(m, d)
 
 The friction is a kernel behind the passive forces of `mujoco_warp`, which runs the same C++ as the plug-in. Its state
-moves on at the first evaluation at a later time; repeated evaluations at one time change nothing. Needs
-`pip install 'gms-mujoco[warp]'`.
+moves on at the first evaluation at a later time; repeated evaluations at one time change nothing. Joints that are too
+stiff for an explicit step are solved for together, by backward Euler, once the controls are known: behind the control
+callback. Needs `pip install 'gms-mujoco[warp]'`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import batched
 from .errors import EngineError, ModelError
-from .kernel import evaluator, wp
+from .kernel import GIVEN, POSITION, PUSH, VELOCITY, evaluator, responder, room_size, solver, wp
 
 try:
     import mujoco_warp as mjw
@@ -50,7 +51,15 @@ class Friction:
             self.torque = wp.zeros((nworld, len(layout.names)), dtype=wp.float64)
             self._dofs = wp.array(layout.dofs, dtype=int)
             self._places = wp.array(layout.places, dtype=int)
+            if layout.implicit:
+                self._implicit = wp.array(layout.implicit, dtype=int)
+                self._solved = wp.array([layout.dofs[i] for i in layout.implicit], dtype=int)
+                self._room = wp.zeros((nworld, room_size(layout)), dtype=wp.float64)
+                work = layout.bare.nC + 2 * layout.bare.nv
+                self._work = wp.zeros((nworld, work), dtype=wp.float64)
+                self._net = wp.zeros((nworld, layout.bare.nv), dtype=float)
         self._kernel = _kernel(layout)
+        self._solver = _solver(layout) if layout.implicit else None
 
     def get(self, joint: str, parameter: str) -> NDArray[np.float64]:
         """(1 or nworld, n) values of "effect.parameter" of a joint; one row where all worlds have the same."""
@@ -95,7 +104,7 @@ class Friction:
         self.state.assign(np.tile(self._layout.state_of(model, data), (self.nworld, 1)))
 
     def __call__(self, m: mjw.Model, d: mjw.Data) -> None:
-        """Adds the torque to `d.qfrc_passive`: what `m.callback.passive` does."""
+        """Adds the torque of the explicit joints to `d.qfrc_passive`: what `m.callback.passive` does."""
         if d.nworld != self.nworld:
             raise ModelError(f"the data has {d.nworld} worlds, the friction was put for {self.nworld}")
         load = (m.dof_armature, d.qacc, d.qfrc_actuator, d.qfrc_damper, d.qfrc_applied, float(m.nactuator == 0))
@@ -106,6 +115,97 @@ class Friction:
             outputs=[self.state, self.torque, d.qfrc_passive],
             device=self.state.device,
         )
+
+    def solve(self, m: mjw.Model, d: mjw.Data) -> None:
+        """Adds the torque of the implicit joints: what `m.callback.control` does, once the controls are set."""
+        if not self._solver:
+            return
+        mjw.fwd_actuation(m, d)
+        size = (self.nworld, m.nv)
+        forces = [d.qfrc_passive, d.qfrc_bias, d.qfrc_applied, d.qfrc_actuator]
+        device = self.state.device
+        wp.launch(_net_torque, dim=size, inputs=forces, outputs=[self._net], device=device)
+        mjw.xfrc_accumulate(m, d, self._net)
+        # MuJoCo damps a joint implicitly: torque -D v+ where qfrc_passive has -D v.
+        off, euler = int(m.opt.disableflags), m.opt.integrator == mjw.IntegratorType.EULER
+        damps = not (off & _DAMPER or (euler and off & _EULERDAMP))
+        tree = [m.nv, m.M_rownnz, m.M_rowadr, m.M_colind, d.M, m.dof_damping, float(damps), self._solved, self._net]
+        motion = [m.opt.timestep, d.time, d.qpos, d.qvel, d.qfrc_damper, d.qfrc_applied, float(m.nactuator == 0)]
+        wp.launch(
+            self._solver,
+            dim=self.nworld,
+            inputs=[self._implicit, self._dofs, self._places, self.parameters, *tree, *motion],
+            outputs=[self._work, self._room, self.state, self.torque, d.qfrc_passive],
+            device=device,
+        )
+
+
+_DAMPER, _EULERDAMP = int(mjw.DisableBit.DAMPER), int(mjw.DisableBit.EULERDAMP)
+
+
+@wp.kernel(enable_backward=False)
+def _net_torque(
+    passive: wp.array2d[float],
+    bias: wp.array2d[float],
+    applied: wp.array2d[float],
+    actuator: wp.array2d[float],
+    net: wp.array2d[float],
+):
+    world, dof = wp.tid()  # type: ignore[misc, unused-ignore]
+    net[world, dof] = passive[world, dof] - bias[world, dof] + applied[world, dof] + actuator[world, dof]
+
+
+def _solver(layout: batched.Layout) -> Any:
+    respond, settle, n = responder(layout), solver(layout, wp.float64), len(layout.implicit)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def solve_kernel(
+        implicit: wp.array[int],
+        dofs: wp.array[int],
+        places: wp.array[int],
+        parameters: wp.array2d[wp.float64],
+        nv: int,
+        row_size: wp.array[int],
+        row_start: wp.array[int],
+        column: wp.array[int],
+        inertia: wp.array2d[float],
+        damping: wp.array2d[float],
+        damps: float,
+        solved: wp.array[int],
+        net: wp.array2d[float],
+        timestep: wp.array[float],
+        time: wp.array[float],
+        qpos: wp.array2d[float],
+        qvel: wp.array2d[float],
+        qfrc_damper: wp.array2d[float],
+        qfrc_applied: wp.array2d[float],
+        applied: float,  # 1 where no actuators drive the joints, else 0
+        work: wp.array2d[wp.float64],
+        room: wp.array2d[wp.float64],
+        state: wp.array2d[wp.float64],
+        torque: wp.array2d[wp.float64],
+        qfrc_passive: wp.array2d[float],
+    ):
+        world = wp.tid()
+        step = wp.float64(timestep[world % timestep.shape[0]])
+        for i in range(n):
+            joint = implicit[i]
+            dof = dofs[joint]
+            room[world, wp.static(POSITION * n) + i] = wp.float64(qpos[world, places[joint]])
+            room[world, wp.static(VELOCITY * n) + i] = wp.float64(qvel[world, dof])
+            given = qfrc_damper[world, dof] + applied * qfrc_applied[world, dof]
+            room[world, wp.static(GIVEN * n) + i] = wp.float64(given)
+        row = world % damping.shape[0]
+        respond(
+            nv, row_size, row_start, column, inertia, damping, row, damps, qvel, net, solved, step, world, work, room
+        )
+        settle(parameters, world % parameters.shape[0], state, state, world, wp.float64(time[world]), step, room)
+        for i in range(n):
+            f = room[world, wp.static(PUSH * n) + i]
+            torque[world, implicit[i]] = f
+            qfrc_passive[world, solved[i]] += float(f)
+
+    return solve_kernel
 
 
 def _kernel(layout: batched.Layout) -> Any:
@@ -161,17 +261,26 @@ def put_model(model: mujoco.MjModel, nworld: int = 1) -> tuple[mjw.Model, Fricti
 
     Returns:
         The model, whose `callback.passive` is the friction, and the friction. A callback of your own that takes its
-        place calls `friction(m, d)`.
+        place calls `friction(m, d)`. Where joints are solved for implicitly `callback.control` is taken too: one of
+        your own sets the controls and then calls `friction.solve(m, d)`.
 
     Raises:
-        ModelError: no joint has friction, it is too stiff for an explicit step, or the
-            integrator is RK4, whose stages cannot be told from steps.
+        ModelError: no joint has friction, the integrator is RK4, whose stages cannot be told from steps, or a joint is
+            too stiff for an explicit step where actuation is disabled, and with it the control callback.
         EngineError: the model has plug-in sensors.
     """
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise ModelError("friction on MuJoCo Warp runs with Euler, implicit, implicitfast or discrete; RK4 given")
     layout = batched.lay_out(model)
+    if layout.implicit and model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        raise ModelError(
+            f"joint {layout.names[layout.implicit[0]]!r}: its friction is too stiff for an explicit step of "
+            f"{model.opt.timestep:g} s, and an implicit one is taken after the controls, which are disabled here: "
+            'enable actuation, take a shorter time step, or attach with integration="explicit" to have it so'
+        )
     friction = Friction(layout, nworld)
     m = mjw.put_model(layout.bare)
     m.callback.passive = friction
+    if layout.implicit:
+        m.callback.control = friction.solve
     return m, friction

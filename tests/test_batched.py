@@ -38,13 +38,11 @@ def test_the_bare_model_steps_as_if_nothing_had_been_attached():
     assert model.nplugin == 1, "the model given is left alone"
 
 
-def test_refuses_friction_that_is_too_stiff():
-    with pytest.raises(ModelError, match=r"joint 'shaft': its friction is too stiff for an explicit step of 0\.0005 s"):
-        batched.lay_out(axis(DRY)[0])
-
-
-def test_takes_a_static_law_where_an_explicit_step_is_asked_for():
-    assert batched.lay_out(axis(DRY, "explicit")[0]).names == ("shaft",)
+@pytest.mark.parametrize(("plant", "integration", "implicit"), [
+    (DRY, "auto", (0,)), (DRY, "explicit", ()), (BEARING, "auto", ()), (BEARING, "implicit", (0,)),
+])  # fmt: skip
+def test_joints_too_stiff_for_an_explicit_step_are_implicit(plant, integration, implicit):
+    assert batched.lay_out(axis(plant, integration)[0]).implicit == implicit
 
 
 def test_refuses_a_model_without_friction_and_one_with_other_plugins():

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("mujoco_warp", reason="pip install 'gms-mujoco[warp]'")
 
 import warp as wp
+from axes import DRY, axis
 from worlds import EVERY, catalogue
 
 from gms_mujoco import batched, kernel
@@ -23,16 +24,18 @@ def test_the_laws_are_those_of_the_files():
     assert "Effect gms_effect_" not in text, "the tables of the effects stay out"
 
 
-def test_it_compiles_for_a_gpu_without_one(tmp_path):
-    from gms_mujoco.warp import _kernel
+@pytest.mark.parametrize("name", ["friction_kernel", "solve_kernel"])
+def test_it_compiles_for_a_gpu_without_one(tmp_path, name):
+    from gms_mujoco.warp import _kernel, _solver
 
-    module = _kernel(batched.lay_out(catalogue())).module
+    explicit, implicit = batched.lay_out(catalogue()), batched.lay_out(axis(DRY)[0])
+    module = (_kernel(explicit) if name == "friction_kernel" else _solver(implicit)).module
     try:
         wp.compile_aot_module(module, arch=75, module_dir=tmp_path, use_ptx=True)
     except RuntimeError as error:
         pytest.skip(f"Warp has no CUDA compiler here: {error}")
     text = next(tmp_path.glob("*.ptx")).read_text()
-    assert "friction_kernel" in text and "f64" in text
+    assert name in text and "f64" in text
 
 
 def test_says_in_one_line_what_is_missing(tmp_path):

@@ -10,7 +10,7 @@ pytest.importorskip("warp", reason="pip install 'gms-mujoco[mjx]'")
 import jax
 import jax.numpy as jnp
 import warp as wp
-from axes import BEARING, FC, FS, axis, stick_slip
+from axes import BEARING, DRY, FC, FS, axis, stick_slip
 from mujoco import mjx
 from worlds import catalogue, expected, motion
 
@@ -134,3 +134,17 @@ def test_refuses_what_it_cannot_do(bearing):
         gms_mjx.put_model(axis(integrator="RK4")[0])
     with pytest.raises(ModelError, match="no joint with friction is called 'elbow'"):
         bearing[2].replace("elbow", {"gms.coulomb": 1.0})
+
+
+def test_a_static_law_holds_a_world_and_lets_another_go():
+    """Under 0.8, 1.25 and -1.5 times its level, with h = 0.5 ms and 50 steps."""
+    m, friction = gms_mjx.put_model(axis(DRY)[0])
+    level = DRY["coulomb"].coulomb
+    torque = jnp.array([[0.8], [1.25], [-1.5]], jnp.float32) * level
+    d = jax.vmap(lambda u: mjx.make_data(m).replace(ctrl=u))(torque)
+    state = jnp.tile(friction.init(), (3, 1))
+    step = jax.jit(jax.vmap(friction.step, in_axes=(None, 0, 0)))
+    for _ in range(50):
+        d, state = step(m, d, state)
+    expected = np.array([0, 0.25, -0.5]) * level / DRY.inertia * 50 * m.opt.timestep
+    np.testing.assert_allclose(d.qvel[:, 0], expected, rtol=1e-4, atol=1e-9)

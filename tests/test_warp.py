@@ -11,7 +11,7 @@ pytest.importorskip("mujoco_warp", reason="pip install 'gms-mujoco[warp]'")
 
 import mujoco_warp as mjw
 import warp as wp
-from axes import AXIS, BEARING, FC, FS, axis, stick_slip
+from axes import AXIS, BEARING, DRY, FC, FS, axis, stick_slip
 from worlds import EVERY, catalogue, expected, motion
 
 import gms_mujoco as gms
@@ -183,7 +183,62 @@ def test_a_run_of_mujoco_is_taken_over_with_its_friction(bearing):
         friction.put_state(other, fresh)
 
 
+def test_a_static_law_sticks_and_slips_as_under_the_plugin():
+    """An axis at rest is held by whatever that takes, within single precision."""
+    model, data = axis(DRY)
+    m, d, friction = put(model)
+    torque = stick_slip(400)
+    truth, moves = [], []
+    for u in torque:
+        truth.append(data.qpos[0])
+        moves.append(abs(data.qvel[0]) > 1e-9)
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(drive(m, d, torque)[:, 0], truth, atol=1e-6)
+    assert np.ptp(truth) > 0.3 and 100 < np.sum(moves) < 300
+    assert abs(friction.torque.numpy()).max() <= DRY["coulomb"].coulomb
+    mjw.forward(m, d)
+    state = friction.state.numpy().copy()
+    mjw.forward(m, d)  # repeated evaluation changes nothing
+    np.testing.assert_array_equal(friction.state.numpy(), state)
+
+
+def test_static_joints_of_an_arm_are_solved_for_together():
+    """Each holds, with a torque inside its level, or slides at its level, and all move as under the plug-in."""
+    level = np.array([20.0, 15, 10, 8, 3, 2, 1])
+    names = [j.name for j in mujoco.MjSpec.from_file(str(gms.MODELS / "arm.xml")).joints]
+    plants = {x: gms.Plant.axis() + effects.Coulomb(coulomb=float(f)) for x, f in zip(names, level, strict=True)}
+    model = gms.attach(gms.MODELS / "arm.xml", plants).compile()
+    model.dof_damping[:] = 0.5
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.3, 0.8, 0.2, 0.9, 0.1, 0.5, 0.2]
+    m, friction = gms_warp.put_model(model, nworld=1)
+    d = mjw.make_data(model, nworld=1)
+    d.qpos.assign(np.float32(data.qpos)[None])
+    rng = np.random.default_rng(0)
+    held = slid = 0
+    for k in range(150):
+        if k % 15 == 0:
+            load = 1.6 * level * rng.uniform(-1, 1, 7)
+        mujoco.mj_forward(model, data)
+        data.ctrl[:] = data.qfrc_bias + load
+        d.ctrl.assign(np.float32(data.ctrl)[None])
+        mujoco.mj_step(model, data)
+        mjw.step(m, d)
+        f, v = friction.torque.numpy()[0], d.qvel.numpy()[0]
+        holds = np.abs(v) < 1e-5
+        assert (np.abs(f) <= level * (1 + 1e-9)).all()
+        np.testing.assert_allclose(f[~holds], -level[~holds] * np.sign(v[~holds]), rtol=1e-3)
+        held, slid = held + holds.sum(), slid + (~holds).sum()
+    np.testing.assert_allclose(d.qpos.numpy()[0], data.qpos, atol=3e-6)
+    assert held > 200 and slid > 200
+
+
 def test_refuses_what_it_cannot_do(bearing):
+    dry, _ = axis(DRY)
+    dry.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    with pytest.raises(ModelError, match=r"joint 'shaft': its friction is too stiff .+ enable actuation"):
+        gms_warp.put_model(dry)
     with pytest.raises(ModelError, match="Euler, implicit, implicitfast or discrete; RK4 given"):
         gms_warp.put_model(axis(integrator="RK4")[0])
     m, friction = gms_warp.put_model(bearing, nworld=1)

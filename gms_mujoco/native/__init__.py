@@ -213,7 +213,8 @@ class Attached:
 
     Attributes:
         effects: (name, number of elements, packed parameters) of each.
-        stiffness: time step times slope over inertia; negative where an explicit step is asked for.
+        stiffness: time step times slope over inertia; negative where an explicit step is asked for, infinite where an
+            implicit one is.
         limit: of the stiffness for an explicit step.
     """
 

@@ -277,7 +277,7 @@ GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint
 
 // Effect number i of the friction of a joint: its number in the catalogue, its elements, and its parameters in the order
 // of its table; null past the last. `stiffness`: h slope / inertia of the joint, above `limit` too stiff for an
-// explicit step; negative where one is asked for.
+// explicit step; negative where one is asked for, infinite where an implicit one is.
 GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int joint, int i, int* effect, int* n,
                                         double* stiffness, double* limit) {
   for (int id = 0; id < m->nplugin; id++) {
@@ -290,7 +290,9 @@ GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int j
                                  gms::kCatalogue);
       *n = uses[i].n;
       *limit = gms::kExplicitLimit;
-      *stiffness = x.integration == 1 ? -1 : h * m->dof_invweight0[x.dof] * x.joint->slope(h);
+      *stiffness = x.integration == 1   ? -1
+                   : x.integration == 2 ? gms::kInfinity
+                                        : h * m->dof_invweight0[x.dof] * x.joint->slope(h);
       return uses[i].p.data();
     }
   }
