@@ -324,7 +324,7 @@ def _compare_one(
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
-    torque = plant.delivered(r.torque, r.sample_time, _SUBSTEPS)
+    torque = plant.delivered(r.held(_SUBSTEPS), r.sample_time / _SUBSTEPS, 1)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")
     fine_load, fine_temperature = (None if x is None else np.repeat(x, _SUBSTEPS) for x in (load, temperature))

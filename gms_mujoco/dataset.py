@@ -253,7 +253,8 @@ def _record(
                 other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
                 kind, axis.resolution(other, kind),
             )  # fmt: skip
-        if "current" in signals:
+        sensed = "current" in signals
+        if sensed:
             if axis.torque_constant is None:
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
                                 'or torque_constant = "unknown" to stay in A')
@@ -270,9 +271,10 @@ def _record(
             if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":
                 signals[key], note = plausible.unwrapped(signals[key], key)
                 notes.append(note)
+        sensed = sensed and timing.by_another_clock(signals["time"])
         # Interpolated positions would not show it any more.
         count = axis.joint.resolution or common_step(signals["position"]) or None
-        time, signals, note = timing.evenly(signals.pop("time"), signals)
+        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
         notes.append(note)
         others = {k: signals.pop(f"position of {k}") for k in elsewhere}
     except DataError as error:
@@ -282,7 +284,7 @@ def _record(
         short += f" episode {episode}"
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
-    return Record(short, time, signals, use, count), others, [n for n in notes if n]
+    return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:

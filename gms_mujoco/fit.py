@@ -161,12 +161,17 @@ def fit_observations(
 def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | None:
     """The observations, with torques that acted before their rows; None where that explains too little more.
 
-    A drive acts after it is told, and at most a tenth of a sample of skew is anybody's. But a current that was measured
-    is that of the interval just over, or of an instant in it, by the habits of the log: no physics, and no effect.
+    A drive acts after it is told, and at most a tenth of a sample of skew is anybody's. But a torque that was measured
+    is that of the interval just over, or of an instant in it, by the habits of the log: no physics, and no effect. One
+    that is known to be read from a sensor (`Record.sensed`) may have been half a sample before or after the position.
     """
     misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
-    lower = misfit.bounds[0]
-    if not misfit.n_skew or x[n] > 0.99 * lower[n] or lower[n] == 0 or lower[n] < -misfit.most_skew:
+    sensed = any(isinstance(o, Observation) and o.record.sensed for o in misfit.observations)
+    lower, upper = misfit.bounds
+    if not misfit.n_skew or lower[n] == 0 or lower[n] < -misfit.most_skew:
+        return None
+    late = sensed and x[n] >= 0.99 * upper[n]
+    if x[n] > 0.99 * lower[n] and not late:
         return None
     rows, residual = misfit.jacobian(x), misfit.residual(x)
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
@@ -175,7 +180,7 @@ def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | 
     column = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
     left = float(residual @ residual)
     enough = max(_EARNED * left, _SHARE * (left - float(found.floor_rows @ found.floor_rows)))
-    if column @ residual < 0 or (column @ residual) ** 2 < enough * (column @ column):
+    if (column @ residual < 0) != late or (column @ residual) ** 2 < enough * (column @ column):
         return None
     early = [o.acting_early() if isinstance(o, Observation) else o for o in misfit.observations]
     again = refine(Misfit(found.plant, early, fixed), x)
@@ -185,10 +190,12 @@ def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | 
 def _habit(misfit: Misfit, x: Array) -> str:
     """A sentence on torques that acted before their rows; "" where they did not."""
     sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
-    early = -misfit.skew(x)
-    if not misfit.n_skew or early <= misfit.most_skew:
+    skew = misfit.skew(x)
+    if not misfit.n_skew or abs(skew) <= misfit.most_skew:
         return ""
-    by = f"{1e3 * early:.2g} ms ({early / sample:.2f} samples)"
+    by = f"{1e3 * abs(skew):.2g} ms ({abs(skew) / sample:.2f} samples)"
+    if skew > 0:
+        return f"Torques acted {by} after their rows say, as those do that are logged before they act: allowed for"
     return f"Torques acted {by} before their rows say, as those do that are measured after they have acted: allowed for"
 
 

@@ -6,9 +6,10 @@ J q'' = u + f twice over two neighbouring samples gives, exactly and without any
     J (q[k+1] - 2 q[k] + q[k-1]) / h^2 = (u[k-1] + u[k]) / 2 + (w * f)[k],
 
 with the triangular weight w of half width h on the torque f of the effects (1/6, 4/6, 1/6 on samples of a
-piecewise linear f). A model that ignores this sees a delay of half a sample in every healthy axis. Where an element
-slips or the motion reverses between two samples, f bends there, and is followed on a finer grid. Both sides then
-pass the same zero-phase low-pass, which sets the bandwidth in which model and measurement are compared.
+piecewise linear f). A model that ignores this sees a delay of half a sample in every healthy axis. A torque that was
+read from a sensor is no held one: its mean is that of a smooth course, (u[k-1] + 10 u[k] + u[k+1]) / 12 (Numerov).
+Where an element slips or the motion reverses between two samples, f bends there, and is followed on a finer grid. Both
+sides then pass the same zero-phase low-pass, which sets the bandwidth in which model and measurement are compared.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
+_SKEW = 0.1  # of a sample
+_EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
+_READ = 0.6  # samples between the instants at which torque and position were read
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
 
@@ -46,6 +50,19 @@ def held_mean(u: Array) -> Array:
     out = u.copy()
     out[1:] = 0.5 * (u[1:] + u[:-1])
     return out
+
+
+def read_mean(u: Array) -> Array:
+    """Triangular mean of a torque that was read at the samples: (u[k-1] + 10 u[k] + u[k+1]) / 12."""
+    out = u.copy()
+    out[1:-1] = (u[:-2] + 10 * u[1:-1] + u[2:]) / 12
+    return out
+
+
+def mean_torque(record: Record, torque: Array | None = None) -> Array:
+    """Triangular mean of the torque of a record, or of another that comes in the same way [N m]."""
+    u = record.torque if torque is None else torque
+    return read_mean(u) if record.sensed else held_mean(u)
 
 
 def smooth_mean(f: Array) -> Array:
@@ -88,7 +105,8 @@ class Observation:
         bandwidth: -6 dB frequency of the low-pass [Hz].
         cutoff: frequency up to which the position is kept as it is, being more motion than noise of the encoder [Hz];
             0: found from its spectrum.
-        early: whether the torque of a row may have acted up to a sample before it, as a measured one has.
+        early: whether the torque of a row may have acted at another instant than the record says: up to a sample
+            before, or of one that was read up to half a sample either way.
     """
 
     record: Record
@@ -191,8 +209,15 @@ class Observation:
         signals = {**self.record.signals, "position": position}
         return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff)
 
+    @property
+    def skews_within(self) -> tuple[float, float]:
+        """By how many samples the clock of the torque may run ahead of that of the position, least and most."""
+        if not self.early:
+            return -_SKEW, _SKEW
+        return (-_READ, _READ) if self.record.sensed else (-_EARLY, _SKEW)
+
     def acting_early(self) -> Observation:
-        """The same observation, whose torque may have acted before its row."""
+        """The same observation, whose torque may have acted at another instant."""
         return replace(self, early=True, cutoff=self._cutoff)
 
     def unsmoothed(self) -> Observation:
@@ -297,17 +322,17 @@ class Observation:
     # With both, a torque between samples lies on the parabola through three of them: exact for a skew of a sample.
     @cached_property
     def _rate(self) -> Array:
-        return self.band(np.gradient(held_mean(self.record.torque), self.record.sample_time))
+        return self.band(np.gradient(mean_torque(self.record), self.record.sample_time))
 
     @cached_property
     def _bend(self) -> Array:
-        return self.band(second_difference(held_mean(self.record.torque), self.record.sample_time))
+        return self.band(second_difference(mean_torque(self.record), self.record.sample_time))
 
     def _delivered(self, plant: Plant) -> Array:
         if not plant.drive:
             return self._commanded
         r = self.record
-        torque = plant.delivered(r.torque, r.sample_time, _FINE)
+        torque = plant.delivered(r.held(_FINE), r.sample_time / _FINE, 1)
         rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
         mean = r.torque.copy()
         mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]
@@ -315,7 +340,7 @@ class Observation:
 
     @cached_property
     def _commanded(self) -> Array:
-        return self.band(held_mean(self.record.torque))
+        return self.band(mean_torque(self.record))
 
     def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque of the effects along the motion, between the samples too, less what a robot's rigid

@@ -35,7 +35,6 @@ _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _SKEW = 0.1  # of a sample
-_EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
 _IMPOSSIBLE = 1e3  # times the torque
 
 
@@ -110,9 +109,9 @@ class Misfit:
         rest = np.ones(self.size - self.coordinates.size)
         below, above = -rest, rest.copy()
         if self.n_skew:
-            early = any(isinstance(o, Observation) and o.early for o in self.observations)
+            within = [o.skews_within for o in self.observations if isinstance(o, Observation)] or [(-_SKEW, _SKEW)]
             free = self._shortest * ("delay" not in self.coordinates.template)
-            below[0], above[0] = -(_EARLY if early else _SKEW) * free, _SKEW * free
+            below[0], above[0] = min(a for a, _ in within) * free, max(b for _, b in within) * free
         return np.append(lower, below), np.append(upper, above)
 
     @cached_property

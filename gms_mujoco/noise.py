@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from .frf_observation import Seen
-from .inverse import Observation, count_size, held_mean, second_difference
+from .inverse import Observation, count_size, mean_torque, second_difference
 from .plant import Plant
 from .record import Record
 
@@ -57,7 +57,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     alike = [r for r, rate in zip(records, rates, strict=True) if abs(rate / rates.max() - 1) < 1e-3]
     h = float(np.mean([r.sample_time for r in alike]))
     segment = min(1024, *(len(r) // 4 for r in alike))
-    errors = [held_mean(r.torque) - _rigid(r, inertia) for r in alike]
+    errors = [mean_torque(r) - _rigid(r, inertia) for r in alike]
     inertia = typical_inertia(alike, inertia)
     f = np.fft.rfftfreq(segment, h)
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
@@ -69,7 +69,8 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     smooth = [signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
     density = np.quantile(smooth, _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
-    shapes = 2 * h * np.stack([np.cos(half) ** 2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
+    passed = 1 - np.sin(half) ** 2 / 3 if alike[0].sensed else np.cos(half)  # of the torque, by its mean
+    shapes = 2 * h * np.stack([passed**2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = _variances(shapes, density)
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
@@ -216,7 +217,7 @@ def sensor_residual(
         # the motion still holds some of it: the counts are put elsewhere.
         shift = noise.resolution * (0.25 + 0.5 * rng.random())
         read = np.round((read + shift) / noise.resolution) * noise.resolution - shift
-    torque = observation.band(held_mean(noise.torque * rng.standard_normal(len(r))))
+    torque = observation.band(mean_torque(r, noise.torque * rng.standard_normal(len(r))))
     loud, quiet = (
         part * torque - (observation.again(true + part * (read - true)).needed(plant, memory) - seen)
         for part in (1.0, _QUIET)
@@ -260,7 +261,7 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
         values = r.get(name)
         return None if values is None else np.repeat(values, _PARTS)
 
-    torque, rigid = plant.delivered(r.torque, r.sample_time, _PARTS), often("rigid_torque")
+    torque, rigid = plant.delivered(r.held(_PARTS), r.sample_time / _PARTS, 1), often("rigid_torque")
     motion = plant.joint().simulate(
         typical_inertia([r], inertia), r.sample_time / _PARTS, torque if rigid is None else torque - rigid,
         float(seen.position[0]), float(seen.velocity[0]),

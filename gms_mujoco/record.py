@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import interpolate
 
 from .errors import DataError, listing
 
@@ -44,6 +45,8 @@ class Record:
             the joint is in that pose less the axis's (see robot.py).
         use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).
         resolution: position of one encoder count [rad or m], None where unknown.
+        sensed: whether `torque` was read at the samples, as `position` is: a column `current` whose rows come by
+            another clock than that of the drive.
 
     Raises:
         DataError: a signal is missing, has another length, is not finite, or time does not run forward evenly.
@@ -54,6 +57,7 @@ class Record:
     signals: Mapping[str, Array]
     use: str = "fit"
     resolution: float | None = None
+    sensed: bool = False
 
     def __post_init__(self) -> None:
         try:
@@ -108,6 +112,17 @@ class Record:
     def get(self, signal: str) -> Array | None:
         """(n,) signal by name, None where it was not recorded."""
         return self.signals.get(signal)
+
+    def held(self, parts: int) -> Array:
+        """(parts * n,) torque held over each of so many parts of a sample [N m].
+
+        A commanded one stays for the whole sample; one that was read goes smoothly from reading to reading.
+        """
+        if not self.sensed:
+            return np.repeat(self.torque, parts)
+        middle = (np.arange(parts * len(self)) + 0.5) / parts
+        samples = np.arange(len(self))
+        return np.asarray(interpolate.CubicSpline(samples, self.torque)(np.minimum(middle, samples[-1])))
 
     def __len__(self) -> int:
         return len(self.time)

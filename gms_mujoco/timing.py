@@ -37,16 +37,19 @@ def within(time: Array, span: Any) -> NDArray[np.bool_]:
     return np.asarray(~outside)
 
 
-def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, Array], str | None]:
+def evenly(
+    time: Array, signals: Mapping[str, Array], sensed: bool = False
+) -> tuple[Array, dict[str, Array], str | None]:
     """Signals on an even time grid.
 
     Steps that differ by less than 2 % are left as they are. Stamps that are an even grid rounded to fewer digits
-    get the grid back. Anything else (jitter, dropped samples) is resampled at the median step: torque and current
-    hold their last value, the others are interpolated linearly.
+    get the grid back. Anything else (jitter, dropped samples) is resampled at the median step: a torque that was
+    commanded holds its last value, the others are interpolated linearly.
 
     Args:
         time: (n,) [s], strictly increasing.
         signals: (n,) each.
+        sensed: whether the torque was read from a sensor, which no drive holds.
 
     Returns:
         time, signals, and a sentence about what was done, None where nothing was.
@@ -55,13 +58,12 @@ def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, 
         DataError: a gap of more than 20 sample times.
     """
     step = np.diff(time)
-    mean = (time[-1] - time[0]) / len(step)
-    if np.ptp(step) <= _EVEN * mean:
-        return time, dict(signals), None
-    grid = time[0] + mean * np.arange(len(time))
-    rounding = _rounding(time, mean)
-    if rounding and np.abs(time - grid).max() <= 1.1 * rounding:
-        return grid, dict(signals), f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
+    if (rounding := _even(time)) is not None:
+        if not rounding:
+            return time, dict(signals), None
+        mean = (time[-1] - time[0]) / len(step)
+        said = f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
+        return time[0] + mean * np.arange(len(time)), dict(signals), said
     h = float(np.median(step))
     worst = int(np.argmax(step))
     if step[worst] > LONGEST_GAP * h:
@@ -73,12 +75,29 @@ def evenly(time: Array, signals: Mapping[str, Array]) -> tuple[Array, dict[str, 
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
     even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)
     last = np.searchsorted(time, even + 1e-3 * h, side="right") - 1
-    resampled = {k: v[last] if k in HELD else np.interp(even, time, v) for k, v in signals.items()}
+    held = () if sensed else HELD
+    resampled = {k: v[last] if k in held else np.interp(even, time, v) for k, v in signals.items()}
     note = (
         f"{uneven} of {len(step)} time steps differ from {h:.4g} s by more than 2 % (the longest is "
-        f"{step[worst]:.4g} s): resampled evenly, torque held, the rest interpolated"
+        f"{step[worst]:.4g} s): resampled evenly, {'all' if sensed else 'torque held, the rest'} interpolated"
     )
     return even, resampled, note
+
+
+def by_another_clock(time: Array) -> bool:
+    """Whether rows came at uneven times (n,), and so not from sample to sample of the drive."""
+    return _even(time) is None
+
+
+def _even(time: Array) -> float | None:
+    """What time stamps of even steps are rounded to [s], 0 where they are not; None where the steps are not even."""
+    step = np.diff(time)
+    mean = (time[-1] - time[0]) / len(step)
+    if np.ptp(step) <= _EVEN * mean:
+        return 0.0
+    rounding = _rounding(time, mean)
+    grid = time[0] + mean * np.arange(len(time))
+    return rounding if rounding and np.abs(time - grid).max() <= 1.1 * rounding else None
 
 
 def _rounding(time: Array, mean: float) -> float | None:

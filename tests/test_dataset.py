@@ -293,6 +293,17 @@ def test_the_count_of_an_encoder_outlives_resampling(tmp_path: Path) -> None:
     assert "resampled" in runs.notes[0] and runs.fit[0].resolution == pytest.approx(1e-4)
 
 
+def test_a_current_in_rows_that_are_not_the_drive_s_is_read_and_not_held(tmp_path: Path) -> None:
+    text = "[axis]\ntorque_constant = 2\n" + RECORD + 'use = "fit"\n'
+    uneven = TIME + 3e-4 * (np.arange(N) % 3 == 1)
+    for time, sensed in ((TIME, False), (np.round(TIME, 4), False), (uneven, True)):
+        columns = {"time": time, "current": np.sin(40 * time), "position": RUN["position"]}
+        record = dataset(tmp_path, text, **columns).fit[0]
+        assert record.sensed == sensed
+        if sensed:
+            assert np.allclose(record.torque, 2 * np.sin(40 * record.time), atol=1e-3)
+
+
 def test_current_without_torque_constant_is_refused(tmp_path: Path) -> None:
     refuses(tmp_path, AXIS + RECORD, "torque_constant", time=TIME, current=TIME, position=TIME)
 

@@ -160,6 +160,27 @@ def test_a_current_that_was_measured_after_it_acted_is_no_effect() -> None:
     assert "1.00 samples) before" in found.status and not fit(UNKNOWN, runs(HEALTHY)).habit
 
 
+def _logged_now_and_then(record: Record, every: int = 5, age: int = 0) -> Record:
+    """Every so many-th row of a log, with the torque read up to a few rows before the position."""
+    rows = slice(10 - age, len(record) - age, every)
+    signals = {"torque": record.torque[rows], "position": record.position[10::every][: len(record.torque[rows])]}
+    return Record(record.name, every * SAMPLE_TIME * np.arange(len(signals["torque"])), signals, sensed=True)
+
+
+def test_a_current_is_read_with_the_position_and_not_held() -> None:
+    """What a slow log of a fast drive says of an instant; and where current and position are not of one instant."""
+    rng = np.random.default_rng(3)
+    bands = ((1, 8, 1.0), (0.5, 5, 3.0))
+    torques = [multisine(6000, SAMPLE_TIME, low, high, size * LEVEL, rng) for low, high, size in bands]
+    fast = [run(HEALTHY, torque, seed) for seed, torque in enumerate(torques)]
+    read = fit(UNKNOWN, [_logged_now_and_then(r) for r in fast])
+    assert read.error < 1.3 * read.floor and not read.habit
+    held = fit(UNKNOWN, [replace(_logged_now_and_then(r), sensed=False) for r in fast])
+    assert held.error > read.error
+    older = fit(UNKNOWN, [_logged_now_and_then(r, age=2) for r in fast])
+    assert older.plant.provenance["clock_skew"] == pytest.approx(-2 * SAMPLE_TIME, abs=0.5 * SAMPLE_TIME)
+
+
 @pytest.mark.parametrize("missing", ["flexible_coupling", "gravity"])
 def test_an_effect_does_not_become_a_habit_of_the_log(missing: str) -> None:
     coupling = {"inertia": 0.3 * J, "frequency": 90.0, "damping": 0.05}
