@@ -9,6 +9,8 @@ optimizer until that stops; "to 1 %" is when its cost first came within 1 % of t
 records alone. Times are of the processor, summed over threads, so that what else the machine does counts little.
 
 Errors, on the validate records: `torque` as `compare` has it; `motion` is the forward simulation over short windows.
+Where the model is right both fits find it. A Coulomb model is wrong in pre-sliding, where it has to stick: a fit to the
+motion takes more friction for it and a fifth less inertia, which the torque shows twice as far off.
 
 Run: python benchmarks/sysid.py [axes]       needs pip install 'mujoco[sysid]'
 """

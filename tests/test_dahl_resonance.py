@@ -174,7 +174,7 @@ def test_the_identified_axis_gives_its_responses_back() -> None:
     again = identify_dahl(frfs).plant
     for frf in frfs[::3]:
         assert frf.excitation is not None
-        for i in (2, 7, 12):
+        for i in (2, 7, len(frf) - 2):
             one = stepped_sine(again, [frf.frequency[i]], float(frf.excitation[i]), held="torque")
             assert abs(one.response[0] / frf.response[i] - 1) < 0.03
 

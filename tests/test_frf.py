@@ -103,6 +103,19 @@ def test_stepped_sine_holds_the_amplitude() -> None:
         assert np.allclose(reached, amplitude, rtol=2.1e-3)
 
 
+def test_a_motion_on_its_way_through_the_jump_of_a_softening_resonance_is_not_held() -> None:
+    """Where no steady motion of that amplitude exists a short run may pass it, and a long one finds none."""
+    dry = Plant.axis(J) + effects.GMS(
+        stiffness=[1.2, 0.2], fraction=[0.45, 0.55], coulomb=4.5e-3, static=5.4e-3, stribeck_velocity=0.6,
+        attraction=0.4,
+    )  # fmt: skip
+    grid = np.geomspace(11, 40, 6)
+    short, long_ = (stepped_sine(dry, grid, 6e-3, transient=n) for n in (2, 60))
+    assert np.array_equal(short.frequency, long_.frequency) and 3 <= len(short) < len(grid)
+    assert "not held within 0.2 %" in short.notes[-1]
+    assert np.allclose(short.response, long_.response, rtol=5e-3)
+
+
 def test_sines_of_one_amplitude_are_one_response() -> None:
     step = 2 * np.pi * np.arange(4000) * H
     records = [run(a * np.sin(f * step)) for a in (1e-3, 3e-3) for f in (10, 5, 40)]
