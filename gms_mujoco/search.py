@@ -52,7 +52,6 @@ _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
-_BEYOND_DOUBT, _REST = 1e-6, 0.4  # p value and share of what is above the floor, where the plant is near it
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 
@@ -202,10 +201,7 @@ class Search:
             t
             for t in trials
             if t.name in passed
-            and (
-                self.is_worth_it(t.result, t.held_out, least_share(now.result.plant, t.result.plant[t.name]))
-                or self._is_the_rest(t, p_values[t.name])
-            )
+            and self.is_worth_it(t.result, t.held_out, least_share(now.result.plant, t.result.plant[t.name]))
             and carries(t.name, now.result, t.result)
             and self.selects(t.result)
         ]
@@ -341,20 +337,6 @@ class Search:
             return False
         quieter = max(floor_of(now, result.noise) - floor_of(result), 0.0)
         return takes(self.held_out.total, held_out.total + quieter, 0.0, share)
-
-    def _is_the_rest(self, trial: Trial, p: float) -> bool:
-        """Whether at the noise floor an effect is beyond doubt, and takes much of the little that is above it.
-
-        What is left there may be noise that is known no better, but noise is not where an effect predicts it. It has to
-        be gone from what the fits leave too: a few blocks that are predicted badly weigh much there.
-        """
-        if not self.at_floor or p > _BEYOND_DOUBT:
-            return False
-        now, then = self.steps[-1].result, trial.result
-        floor = min(floor_of(now), floor_of(then))
-        falls = [(self.held_out.total, trial.held_out.total)]
-        falls += [(left_of(now.misfit, now.vector), left_of(then.misfit, then.vector))]
-        return all(takes(*fall, floor, _REST) for fall in falls)
 
     def _beyond_speed(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
