@@ -22,7 +22,8 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "Friction that differs between the directions: the level of every friction law of the joint is multiplied by\n"
     "1 + a forward and 1 - a backward, and the viscous drag by a torque -b |v| (drag sigma + b forward, sigma - b\n"
     "backward). A constant difference that does not scale with the level is `torque_offset`. The elements of `gms` are\n"
-    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone.\n"
+    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone, which is a constant\n"
+    "torque where that level does not depend on speed.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",

@@ -38,12 +38,17 @@ double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
 
+// What multiplies the force that an element may carry against its motion: where the level alone differs between the
+// directions it is what the other direction has left, and a reversal finds it where it was.
+double against(const Level& at, double direction) { return at.at(at.stiffens ? direction : -direction); }
+
 // Each element sticks or slides at `level`, of which `left` is what has not decayed over the interval. Without branches,
 // so that compilers take several elements at a time, and nobody has to guess what an element does.
 GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, double level, double left,
                    const double* __restrict state, double* __restrict next) {
   const double *stiffness = p, *fraction = p + n;
-  const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction), most = p[2 * n + 1] * scale;
+  const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
+  const double most = p[2 * n + 1] * against(at, direction);
   const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
   const bool slips_back = at.stiffens && scale < at.at(-direction);
   for (int i = 0; i < n; i++) {
@@ -88,7 +93,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   const double *stiffness = p, *fraction = p + n;
   const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
   const double distance = (level.stiffens ? scale : 1) * std::fabs(m.displacement);
-  const double least = p[2 * n] * scale, most = p[2 * n + 1] * scale;
+  const double least = p[2 * n] * scale, most = p[2 * n + 1] * against(level, direction);
   double total = 0;
   for (int i = 0; i < n; i++) {
     const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
