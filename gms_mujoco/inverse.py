@@ -32,7 +32,7 @@ from .score import TORQUE
 Array = NDArray[np.float64]
 
 
-_FINE = 4  # parts of a sample in which the drive's torque is followed
+_FINE = 8  # parts of a sample in which the drive's torque is followed
 _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are followed
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _CLEAR = 4  # times the noise, above which a spectrum is the motion's
@@ -316,31 +316,36 @@ class Observation:
         Args:
             skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
         """
-        torque = self._delivered(plant)
-        return torque - skew * self._rate + skew**2 / 2 * self._bend if skew else torque
+        if plant.drive:
+            return self.band(self._ahead(self._delivered(plant), skew))
+        command, rate, bend = self._commanded
+        return command - skew * rate + skew**2 / 2 * bend if skew else command
 
     # With both, a torque between samples lies on the parabola through three of them: exact for a skew of a sample.
-    @cached_property
-    def _rate(self) -> Array:
-        return self.band(np.gradient(mean_torque(self.record), self.record.sample_time))
+    def _shifted(self, mean: Array) -> tuple[Array, Array, Array]:
+        """Mean torque (n,) around each sample, its rate, and its second derivative."""
+        h = self.record.sample_time
+        return mean, np.gradient(mean, h), second_difference(mean, h)
 
-    @cached_property
-    def _bend(self) -> Array:
-        return self.band(second_difference(mean_torque(self.record), self.record.sample_time))
+    def _ahead(self, mean: Array, skew: float) -> Array:
+        if not skew:
+            return mean
+        torque, rate, bend = self._shifted(mean)
+        return torque - skew * rate + skew**2 / 2 * bend
 
     def _delivered(self, plant: Plant) -> Array:
-        if not plant.drive:
-            return self._commanded
+        """(n,) what the drive delivered around each sample."""
         r = self.record
         torque = plant.delivered(r.held(_FINE), r.sample_time / _FINE, 1)
         rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
         mean = r.torque.copy()
         mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]
-        return self.band(mean)
+        return mean
 
     @cached_property
-    def _commanded(self) -> Array:
-        return self.band(mean_torque(self.record))
+    def _commanded(self) -> tuple[Array, Array, Array]:
+        torque, rate, bend = map(self.band, self._shifted(mean_torque(self.record)))
+        return torque, rate, bend
 
     def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque of the effects along the motion, between the samples too, less what a robot's rigid

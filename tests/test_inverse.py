@@ -118,14 +118,23 @@ def test_skew_is_a_torque_clock_that_runs_ahead() -> None:
     assert rms(here - late) < 0.02 * rms(o(0.0).applied(BARE) - late)
 
 
-@pytest.mark.parametrize("time", [2e-3, 2.25e-3, 2.3e-3])
+@pytest.mark.parametrize("time", [2e-3, 2.125e-3, 2.3e-3, 2.8125e-3])
 def test_drive_effects_act_on_the_command(time: float) -> None:
-    """Exactly for a delay of quarters of a sample; for others to a small part of what the drive does in one."""
+    """Exactly for a delay of eighths of a sample; for others to a small part of what the drive does in one."""
     late = BARE + effects.Delay(time=time)
     o = Observation(simulate(late, _torque(), H, substeps=40), BAND)
     left = rms(o.applied(late) - o.needed(late)) / rms(o.applied(late))
-    assert left < (1e-6 if 4 * time / H % 1 == 0 else 1e-3)
+    assert left < (1e-6 if 8 * time / H % 1 == 0 else 3e-4)
     assert rms(o.applied(BARE) - o.needed(BARE)) > 0.1 * rms(o.applied(BARE))
+
+
+def test_a_clock_that_runs_ahead_is_that_of_the_torque_that_acts() -> None:
+    """Behind a lag it is a delay of what the lag has smoothed, however rough the command is."""
+    u = np.random.default_rng(2).normal(0, 2e-3, 4000)
+    o = Observation(_record(u, np.zeros(4000)), BAND)
+    lag, s = BARE + effects.find("current_loop_lag")(time=2e-3), 1e-4
+    ahead, late = o.applied(lag, skew=s), o.applied(lag + effects.Delay(time=s))
+    assert rms(ahead - late) < 0.02 * rms(o.applied(lag) - late)
 
 
 def test_a_lag_of_the_current_loop_is_followed_inside_the_sample() -> None:
