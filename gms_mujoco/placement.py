@@ -36,8 +36,7 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
         misfit, x: a problem and its solution.
         fixed: what the problem leaves as it is, see `Misfit`.
     """
-    labels = {b.label for b in misfit.coordinates.blocks}
-    if not labels >= {"gms.stiffness", "gms.fraction"}:
+    if not _movable(misfit):
         return misfit, x
     cost = misfit.cost(x)
     for _ in range(_MOVES):
@@ -53,63 +52,110 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
     return misfit, x
 
 
+def parted(misfit: Misfit, x: Array, worth: float) -> tuple[Misfit, Array] | None:
+    """The same problem with one element of `gms` more, where that brings most; None where that is less than `worth`.
+
+    Args:
+        misfit, x: a problem and its solution.
+        worth: of the cost, in second order, that one element more has to bring.
+    """
+    if not _movable(misfit):
+        return None
+    law = _Elements(misfit, x)
+    if not len(law.apart) or law.gain.max() < worth:
+        return None
+    k = int(np.argmax(law.gain))
+    halves, by = law.halves(k)
+    i, n = law.of[k], len(law.level)
+    share, springs = np.append(law.level, halves), np.append(law.stiffness, halves / (law.distance[i] * by))
+    share[i], springs[i] = halves, halves * by / law.distance[i]
+    gms = _with_elements(law.gms, share, springs)
+    return _moved(misfit, x, gms, np.append(np.arange(n), i), ())
+
+
+def _movable(misfit: Misfit) -> bool:
+    return {b.label for b in misfit.coordinates.blocks} >= {"gms.stiffness", "gms.fraction"}
+
+
+def _with_elements(gms: Effect, share: Array, stiffness: Array) -> Effect:
+    """The same law with other elements, in any number."""
+    kept = {p.name: gms.values[p.name] for p in gms.parameters if not p.per_element}
+    return type(gms)(len(share), fraction=share / share.sum(), stiffness=stiffness, **kept)
+
+
 def _moved(misfit: Misfit, x: Array, gms: Effect, parent: Indices, fixed: Collection[str]) -> tuple[Misfit, Array]:
     """The problem with other elements, each in the state of its parent before every record."""
     plant: Plant = misfit.coordinates.decode(x[: misfit.coordinates.size]).replace(gms)
     trial = Misfit(plant, misfit.observations, fixed)
     place = misfit.coordinates.template.memory_places["gms"]
-    states = [m.copy() for m in misfit.memories(x, misfit.n_memory)]
-    for m in states:
-        if len(m):
-            m[place] = m[place][parent]
+    states = [
+        np.concatenate([m[: place.start], m[place][parent], m[place.stop :]]) if len(m) else m
+        for m in misfit.memories(x, misfit.n_memory)
+    ]
     return trial, trial.vector(plant, states, misfit.skew(x))
+
+
+class _Elements:
+    """What every element of `gms` would bring if it were parted, in second order.
+
+    Attributes:
+        gms, level, stiffness, distance: the law at a solution, and the break-away distances of its elements.
+        of, apart: (k,) the element, and by what its halves would stand apart.
+        gain: (k,) of the cost.
+        pairs: (n - 1, 2) elements that break away one after the other.
+        loss: (n - 1,) of the cost, if they were one.
+    """
+
+    def __init__(self, misfit: Misfit, x: Array) -> None:
+        self.gms = misfit.coordinates.decode(x[: misfit.coordinates.size])["gms"]
+        self.level, self.stiffness = np.asarray(self.gms.fraction), np.asarray(self.gms.stiffness)
+        level, n = self.level, len(self.level)
+        self.distance = level / self.stiffness
+        order = np.argsort(self.distance)
+        self.pairs = pairs = np.column_stack([order[:-1], order[1:]])
+        some = np.flatnonzero(level > _LEAST)
+        self.of, self.apart = np.tile(some, len(_APART)), np.repeat(_APART, len(some))
+        joint = level[pairs].sum(1) / self.stiffness[pairs].sum(1)
+        there = self.distance[self.of]
+        tried = np.concatenate([self.distance, joint, there * self.apart, there / self.apart])
+        parent = np.concatenate([np.arange(n), pairs[:, 0], self.of, self.of])
+        share = np.full(len(tried), 1 / len(tried))
+        units = _with_elements(self.gms, share, share / tried)
+        unit = misfit.of_elements(x, units, parent) * len(tried)
+        own, one, far, near = np.split(unit, np.cumsum([n, n - 1, len(self.of)]))
+        residual, project = _projected(misfit, x)
+        merged = project((level[pairs].sum(1)[:, None] * one - (level[:, None] * own)[pairs].sum(1)).T)
+        self.loss = (merged**2).sum(0) + 2 * residual @ merged
+        split = project((0.5 * level[self.of, None] * (far + near - 2 * own[self.of])).T)
+        push, size = -residual @ split, (split**2).sum(0)
+        self.gain = np.where((push > 0) & (size > 0), push**2 / np.maximum(size, 1e-300), 0.0)
+
+    def halves(self, k: int) -> tuple[float, float]:
+        """The level of each half, and by what they stand apart."""
+        return float(self.level[self.of[k]]) / 2, float(self.apart[k])
 
 
 def _moves(misfit: Misfit, x: Array, cost: float) -> Iterator[tuple[Effect, Indices]]:
     """Elements of which one has been parted and two others are one, and the parent of each; the best of them first."""
-    gms = misfit.coordinates.decode(x[: misfit.coordinates.size])["gms"]
-    level, stiffness = np.asarray(gms.fraction), np.asarray(gms.stiffness)
-    n, distance = len(level), level / stiffness
-    if n < 3:
-        return
-    order = np.argsort(distance)
-    pairs = np.column_stack([order[:-1], order[1:]])
-    parted = np.flatnonzero(level > _LEAST)
-    joint = level[pairs].sum(1) / stiffness[pairs].sum(1)
-    apart = np.array(_APART)[:, None]
-    tried = np.concatenate([distance, joint, *(distance[parted] * apart), *(distance[parted] / apart)])
-    parent = np.concatenate([np.arange(n), pairs[:, 0], np.tile(parted, 2 * len(_APART))])
-    share = np.full(len(tried), 1 / len(tried))
-    units = gms.replace(stiffness=share / tried, fraction=share)
-    unit = misfit.of_elements(x, units, parent) * len(tried)
-    own, one, far, near = np.split(unit, np.cumsum([n, n - 1, len(parted) * len(_APART)]))
-    residual, project = _projected(misfit, x)
-
-    merged = level[pairs].sum(1)[:, None] * one - (level[:, None] * own)[pairs].sum(1)
-    merged = project(merged.T)
-    loss = (merged**2).sum(0) + 2 * residual @ merged
-    some = np.tile(parted, len(_APART))
-    split = project((0.5 * level[some, None] * (far + near - 2 * own[some])).T)
-    push, size = -residual @ split, (split**2).sum(0)
-    gain = np.where((push > 0) & (size > 0), push**2 / np.maximum(size, 1e-300), 0.0)
-    best = np.argsort(-gain)
+    law = _Elements(misfit, x)
+    n = len(law.level)
     done: set[int] = set()
-    for k in best:
-        i = int(some[k])
-        free = [m for m in np.argsort(loss) if i not in pairs[m]]
-        if len(done) == _TRIES or not free or gain[k] - max(loss[free[0]], 0.0) < _WORTH * cost:
+    for k in np.argsort(-law.gain):
+        i = int(law.of[k])
+        free = [m for m in np.argsort(law.loss) if i not in law.pairs[m]]
+        if len(done) == _TRIES or not free or law.gain[k] - max(law.loss[free[0]], 0.0) < _WORTH * cost:
             break
         if i in done:
             continue
         done.add(i)
-        kept, other = pairs[free[0]]
-        by = float(np.repeat(_APART, len(parted))[k])
-        share, springs, of = level.copy(), stiffness.copy(), np.arange(n)
-        share[kept], springs[kept] = level[[kept, other]].sum(), stiffness[[kept, other]].sum()
-        share[[i, other]] = level[i] / 2
-        springs[[i, other]] = share[i] / (distance[i] * np.array([by, 1 / by]))
-        of[other] = i
-        yield gms.replace(fraction=share / share.sum(), stiffness=springs), of
+        both, (half, by) = law.pairs[free[0]], law.halves(k)
+        kept, other = both
+        share, springs, parent = law.level.copy(), law.stiffness.copy(), np.arange(n)
+        share[kept], springs[kept] = law.level[both].sum(), law.stiffness[both].sum()
+        share[[i, other]] = half
+        springs[[i, other]] = half / (law.distance[i] * np.array([by, 1 / by]))
+        parent[other] = i
+        yield _with_elements(law.gms, share, springs), parent
 
 
 def _projected(misfit: Misfit, x: Array) -> tuple[Array, Callable[[Array], Array]]:

@@ -17,7 +17,7 @@ from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .screen import Screen
-from .search import Search, Step
+from .search import FORMS, Search, Step
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,14 @@ _IN_QUADRATURE = math.cos(math.radians(25))
 
 
 def exchange(search: Search) -> None:
-    """Tries in the place of each earlier effect the others that earned it as well.
+    """Tries in the place of each effect the others that earned it as well.
 
-    What was still missing when they were compared may have made one look like the other, or better. Tried are those
-    that could not be told apart, and short of the noise floor those that came close.
+    What was still missing when they were compared may have made one look like the other, or better, and so may
+    friction that came out a little different beside each. Tried are those that could not be told apart, and short of
+    the noise floor those that came close.
     """
-    for k in range(1, len(search.steps) - 1):
-        if k >= len(search.steps) - 1:
+    for k in range(1, len(search.steps)):
+        if k >= len(search.steps):
             break
         step, last = search.steps[k], search.steps[-1]
         assert step.effect is not None
@@ -58,15 +59,21 @@ def exchange(search: Search) -> None:
 
 def _instead(search: Search, name: str, other: Trial) -> Trial:
     """The last fit with another effect in the place of one that it has; without that one, if it has the other too."""
-    misfit, x = without(search.steps[-1].result, name)
-    plant = misfit.coordinates.template
-    if {e.name for e in plant.effects} == {e.name for e in other.result.plant.effects}:
+    bare, start = without(search.steps[-1].result, name)
+    plants = [bare.coordinates.template]
+    if other.name not in plants[0]:
+        effect = other.result.plant[other.name]
+        plants = [plants[0] + effect.replace(**form) for form in FORMS.get(other.name, ({},))]
+
+    def fitted(plant: Plant) -> FitResult:
+        misfit = Misfit(plant, bare.observations)
+        return refine(misfit, misfit.vector(plant, bare.memories(start, misfit.n_memory)))
+
+    result = min(map(fitted, plants), key=lambda r: r.error)
+    if {e.name for e in result.plant.effects} != {e.name for e in other.result.plant.effects}:
+        result = search.best(result)
+    elif other.result.error <= result.error:
         return other
-    if other.name not in plant:
-        plant = plant + other.result.plant[other.name]
-        more = Misfit(plant, misfit.observations)
-        misfit, x = more, more.vector(plant, misfit.memories(x, more.n_memory))
-    result = search.best(refine(misfit, x))
     return Trial(other.name, result, cross_validated(result.misfit, result.vector))
 
 

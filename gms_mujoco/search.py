@@ -39,6 +39,7 @@ from .judgement import (
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
+from .placement import parted
 from .plant import Plant
 from .reading import TorqueReading, rung
 from .screen import Candidate, Screen
@@ -49,9 +50,12 @@ Array = NDArray[np.float64]
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_MOST_ELEMENTS = 16  # of friction
+_COARSE = 0.01  # of the torque: what too few elements of friction may leave
+_PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
-_FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
+FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 
@@ -122,6 +126,7 @@ class Search:
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
         self.bend()
+        self.part()
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
@@ -217,6 +222,7 @@ class Search:
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
         if self.bend() or self._early():  # what was chosen beside the wrong curve is chosen again
             self.first(lambda done, message: None)
+        self.part()
         return True
 
     def _accept_two(
@@ -287,6 +293,7 @@ class Search:
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
             if self.bend():
                 self.first(lambda done, message: None)
+            self.part()
         return earned
 
     def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
@@ -314,6 +321,24 @@ class Search:
                         begun = self.start[effect.name]
                         self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
         return bent
+
+    def part(self) -> None:
+        """Gives friction more elements where the little that is left asks for them: no law of a few is any finer."""
+        for _ in range(_MOST_ELEMENTS):
+            last = self.steps[-1]
+            now = last.result
+            if self.at_floor or now.error > _COARSE or now.score.of != "torque" or not self.timed:
+                return
+            floor, cost = floor_of(now), left_of(now.misfit, now.vector)
+            finer = parted(now.misfit, now.vector, _PARTED * max(cost - floor, 0.0))
+            if finer is None or np.size(finer[0].coordinates.template["gms"].fraction) > _MOST_ELEMENTS:
+                return
+            result = refine(*finer)
+            held_out = cross_validated(result.misfit, result.vector)
+            passes = p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE
+            if not (passes and self.is_worth_it(result, held_out, _PARTED)):
+                return
+            self.steps[-1] = replace(last, result=result, held_out=held_out)
 
     def _early(self) -> bool:
         """Lets torques act before their rows, where that explains what an effect may have hidden before."""
@@ -394,7 +419,7 @@ class Search:
         """
         some = fewer(self.seen, _POINTS)
         fits: list[tuple[Misfit, Array]] = []
-        for form in _FORMS.get(candidate.effect.name, ({},)):
+        for form in FORMS.get(candidate.effect.name, ({},)):
             plant = joined(current.plant, candidate.effect.replace(**form))
             misfit = Misfit(plant, some)
             memories = current.misfit.memories(current.vector, misfit.n_memory)

@@ -8,7 +8,7 @@ from gms_mujoco import effects
 from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
-from gms_mujoco.placement import placed
+from gms_mujoco.placement import parted, placed
 from gms_mujoco.plant import Plant
 
 DISTANCE = np.array([2e-3, 4e-3, 12e-3, 24e-3])
@@ -70,3 +70,19 @@ def test_elements_alone_do_to_the_residual_what_they_do_together() -> None:
     rest = without.residual(without.vector(plant, None, misfit.skew(x)))
     here = misfit.vector(WRONG, misfit.memories(x, misfit.n_memory), misfit.skew(x))
     np.testing.assert_allclose(rest + each.sum(0), misfit.residual(here), atol=1e-3 * LEVEL)
+
+
+def test_an_element_that_stands_for_two_is_parted_into_them() -> None:
+    """Three elements where the axis has four: one more, and the torque is right; a fifth has nothing to bring."""
+    few = axis(np.array([2.8e-3, 12e-3, 24e-3]), np.array([0.55, 0.25, 0.2]))
+    misfit, x = solved(few)
+    best, at_best = solved(TRUE)
+    least, cost = best.cost(at_best), misfit.cost(x)
+    assert cost > 2 * least
+    more = parted(misfit, x, 0.1 * (cost - least))
+    assert more is not None
+    better, y = more
+    y = solve(better, y)
+    assert better.cost(y) < 1.2 * least
+    np.testing.assert_allclose(distances(better, y), DISTANCE, rtol=0.1)
+    assert parted(better, y, 0.1 * better.cost(y)) is None
