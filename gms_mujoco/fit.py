@@ -32,7 +32,7 @@ _ROUNDS = 4  # of solving and computing the harmonics anew
 _AGREED = 0.98  # of the cost: less of a fall is none
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
-_EARNED, _SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
+_EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _RUNS = 16  # of a servo, for a first look
 _ENOUGH = 160  # points of frequency responses, for a first look
 
@@ -158,12 +158,17 @@ def fit_observations(
     return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
 
 
-def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | None:
+def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
     """The observations, with torques that acted before their rows; None where that explains too little more.
 
     A drive acts after it is told, and at most a tenth of a sample of skew is anybody's. But a torque that was measured
     is that of the interval just over, or of an instant in it, by the habits of the log: no physics, and no effect. One
     that is known to be read from a sensor (`Record.sensed`) may have been half a sample before or after the position.
+
+    Args:
+        found: a fit that holds the skew within what is anybody's.
+        fixed: parameters that stay, as "effect.parameter".
+        share: of the squared error above the noise floor, that torques before their rows have to take.
     """
     misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
     sensed = any(isinstance(o, Observation) and o.record.sensed for o in misfit.observations)
@@ -179,7 +184,7 @@ def acting_early(found: FitResult, fixed: Collection[str] = ()) -> list[Seen] | 
     column = rows[:, n] / scale[n]
     column = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
     left = float(residual @ residual)
-    enough = max(_EARNED * left, _SHARE * (left - float(found.floor_rows @ found.floor_rows)))
+    enough = max(_EARNED * left, (EARLY_SHARE if late else share) * (left - float(found.floor_rows @ found.floor_rows)))
     if (column @ residual < 0) != late or (column @ residual) ** 2 < enough * (column @ column):
         return None
     early = [o.acting_early() if isinstance(o, Observation) else o for o in misfit.observations]

@@ -14,7 +14,7 @@ from . import effects
 from .candidates import applicable, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
+from .fit import EARLY_SHARE, FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
 from .frf_observation import Seen
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -212,6 +212,9 @@ class Search:
         ]
         if not earned:
             return False
+        if self._early(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
+            self.first(lambda done, message: None)
+            return True
         chosen, others = simplest([t.held_out for t in earned], [t.result.misfit.coordinates.size for t in earned])
         name, result, held_out = earned[chosen]
         confusable = tuple(earned[i].name for i in others)
@@ -340,9 +343,9 @@ class Search:
                 return
             self.steps[-1] = replace(last, result=result, held_out=held_out)
 
-    def _early(self) -> bool:
-        """Lets torques act before their rows, where that explains what an effect may have hidden before."""
-        early = acting_early(self.steps[-1].result)
+    def _early(self, share: float = EARLY_SHARE) -> bool:
+        """Lets torques act before their rows, where that explains what an effect has hidden, or may stand for."""
+        early = acting_early(self.steps[-1].result, share=share)
         self.seen = early or self.seen
         return early is not None
 

@@ -1,0 +1,42 @@
+"""The search for what is missing: what it lets go before it names an effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.fit import acting_early, fit_observations
+from gms_mujoco.judgement import Trial
+from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.observe import observe
+from gms_mujoco.record import Record
+from gms_mujoco.search import Search
+
+
+def _logged(record: Record, early: float, line: float) -> Record:
+    """The log of a current that acted `early` samples before its row, beside a torque of 12 Hz that nobody knows."""
+    held = (1 - early) * record.torque + early * np.append(record.torque[:1], record.torque[:-1])
+    unknown = line * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(held)))
+    return replace(record, signals={**record.signals, "torque": held + unknown})
+
+
+@pytest.mark.parametrize("early", [0.0, 0.5])
+def test_a_habit_of_the_log_is_let_go_before_an_effect_is_named(early: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though it takes little beside what is unknown, for which an effect may stand; without one nothing changes."""
+    search = Search(observe([_logged(r, early, 0.2) for r in runs(HEALTHY)], J), [], UNKNOWN)
+    search.first(lambda done, message: None)
+    first = search.steps[0].result
+    assert first.error > 2 * first.floor and acting_early(first) is None
+    with_spring = fit_observations(first.plant + effects.Spring(stiffness=0.1), search.seen)
+    trial = Trial("spring", with_spring, cross_validated(with_spring.misfit, with_spring.vector))
+    monkeypatch.setattr(search, "is_worth_it", lambda *given: True)
+    monkeypatch.setattr("gms_mujoco.search.carries", lambda *given: True)
+    assert search._accept([trial], {"spring": 1e-9})
+    if early:
+        assert [s.effect for s in search.steps] == [None]
+        skew = search.steps[0].result.plant.provenance["clock_skew"]
+        assert skew == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
+        assert search._accept([trial], {"spring": 1e-9})  # once: then it is named
+    assert [s.effect for s in search.steps] == [None, "spring"]
