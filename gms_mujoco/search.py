@@ -55,7 +55,11 @@ _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
-FORMS: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"stiffening": 1.0}, {"stiffening": 0.0})}
+FORMS: dict[str, tuple[dict[str, float], ...]] = {
+    "asymmetric_friction": (
+        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0}
+    )
+}  # fmt: skip
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 

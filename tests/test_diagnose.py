@@ -18,6 +18,7 @@ from gms_mujoco.errors import DataError
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.search import FORMS
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 
@@ -221,9 +222,10 @@ def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() ->
     assert d.plant["gms"].stribeck_exponent == 2.0
 
 
-def test_both_forms_of_asymmetric_friction_are_named() -> None:
-    for stiffening in (0, 1):
-        hidden = effects.AsymmetricFriction(level=0.25, stiffening=stiffening)
-        d = diagnose(dataset(HEALTHY + hidden), UNKNOWN)
-        assert [e.name for e in d] == ["asymmetric_friction"]
-        assert d.plant["asymmetric_friction"].stiffening == stiffening
+@pytest.mark.parametrize("form", FORMS["asymmetric_friction"], ids=str)
+def test_every_form_of_asymmetric_friction_is_named(form: dict[str, float]) -> None:
+    hidden = effects.AsymmetricFriction(level=0.25, **form)
+    d = diagnose(dataset(HEALTHY + hidden), UNKNOWN)
+    assert [e.name for e in d] == ["asymmetric_friction"]
+    found = d.plant["asymmetric_friction"]
+    assert {name: found.values[name] for name in form} == form

@@ -124,19 +124,30 @@ def test_a_direction_that_is_stronger_as_a_whole_is_stiffer_too(stiffening):
         assert stuck == pytest.approx((1 + 0.2 * way * stiffening) * sum(STIFFNESS) * 1e-6)
 
 
-def test_levels_that_differ_alone_are_a_constant_torque_beside_equal_ones():
+def test_levels_that_a_reversal_carries_over_are_a_constant_torque_beside_equal_ones():
     """An element that carries from -0.8 to 1.2 of its limit is one that carries 1 either way, moved by 0.2 of it."""
     law = effects.GMS(
         stiffness=STIFFNESS, fraction=FRACTION, coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e6
     )
     q = 0.05 * np.sin(np.linspace(0, 40, 4001)) * np.linspace(1, 0.02, 4001)
     t, v = np.arange(len(q)), np.gradient(q)
-    uneven = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=0)).joint()
+    uneven = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=0, dropping=0)).joint()
     even = (Plant.axis() + law).joint()
     memory = np.full(even.n_memory, -0.2)
     np.testing.assert_allclose(
         uneven.replay(t, q, v).torque, even.replay(t, q, v, memory=memory).torque - 0.2 * FC, atol=1e-9 * FC
     )
+
+
+def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
+    """Where the level alone differs: from 1.2 forward to 0.8 backward it falls to 0.8 and then unwinds as a spring."""
+    law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e-6)
+    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=0)).joint()
+    q = np.array([0, 0.02, 0.02 - 1e-6, 0.02 - 1e-3])
+    torque = -joint.replay(np.arange(4.0), q, np.gradient(q)).torque
+    assert torque[1] == pytest.approx(1.2 * FC)
+    assert torque[2] == pytest.approx(0.8 * FC)
+    assert torque[3] == pytest.approx(0.8 * FC - 0.999e-3)
 
 
 @pytest.mark.parametrize("parts", [1, 3, 10])

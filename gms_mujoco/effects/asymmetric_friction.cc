@@ -5,7 +5,10 @@ namespace {
 void modulate(const double* p, int, const gms::Motion&, gms::Level& level) {
   level.forward *= 1 + p[0];
   level.backward *= 1 - p[0];
-  if (p[2] == 0) level.stiffens = false;
+  if (p[2] == 0) {
+    level.stiffens = false;
+    if (p[3] == 0) level.drops = false;
+  }
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double*, double*) {
@@ -22,15 +25,17 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "Friction that differs between the directions: the level of every friction law of the joint is multiplied by\n"
     "1 + a forward and 1 - a backward, and the viscous drag by a torque -b |v| (drag sigma + b forward, sigma - b\n"
     "backward). A constant difference that does not scale with the level is `torque_offset`. The elements of `gms` are\n"
-    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone, which is a constant\n"
-    "torque where that level does not depend on speed.\n"
+    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone. An element that turns\n"
+    "then drops to the level of the direction that it comes to, or with r = 0 carries its force over, as a spring with\n"
+    "two yield limits does: a constant torque, where the level does not depend on speed.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",
     "Runs at several constant speeds in both directions over the same positions.",
     {{"level", "1", 0, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
      {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"},
-     {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness differs as the level does; 0: the level alone"}},
+     {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness differs as the level does; 0: the level alone"},
+     {"dropping", "1", 1, 0, 1, false, false, "r, 1: a force that turns drops to the new level; 0: it is carried over (s = 0)"}},
     nullptr,
     nullptr,
     nullptr,

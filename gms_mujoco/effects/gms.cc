@@ -38,9 +38,9 @@ double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
 
-// What multiplies the force that an element may carry against its motion: where the level alone differs between the
-// directions it is what the other direction has left, and a reversal finds it where it was.
-double against(const Level& at, double direction) { return at.at(at.stiffens ? direction : -direction); }
+// What multiplies the force that an element may carry against its motion: what the other direction has left, where that
+// is carried over a reversal.
+double against(const Level& at, double direction) { return at.at(at.drops ? direction : -direction); }
 
 // Each element sticks or slides at `level`, of which `left` is what has not decayed over the interval. Without branches,
 // so that compilers take several elements at a time, and nobody has to guess what an element does.

@@ -54,6 +54,7 @@ struct Level {
   double forward = 1;
   double backward = 1;
   bool stiffens = true;  // whether the stiffness of a contact grows with its level
+  bool drops = true;     // whether a contact that turns keeps no more than the level of the direction that it comes to
   double at(double direction) const { return direction < 0 ? backward : forward; }
 };
 
