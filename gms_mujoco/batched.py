@@ -30,7 +30,6 @@ class Layout:
         dofs, places: of these joints in qvel and in qpos.
         effects: names of all effects in use.
         joints, uses: tables for the kernel, see native/kernel.h.
-        implicit: numbers of the joints that are too stiff for an explicit step, or asked for an implicit one.
         parameters: (n_parameter,) of all joints.
         columns: where the values of "effect.parameter" of a joint stand among them.
         states: where the state of each effect of a joint stands in a row of `n_state`.
@@ -43,11 +42,15 @@ class Layout:
     effects: tuple[str, ...]
     joints: tuple[tuple[int, ...], ...]
     uses: tuple[tuple[int, ...], ...]
-    implicit: tuple[int, ...]
     parameters: NDArray[np.float64]
     columns: Mapping[str, Mapping[str, slice]]
     states: Mapping[str, Mapping[str, slice]]
     n_state: int
+
+    @property
+    def implicit(self) -> tuple[int, ...]:
+        """Numbers of the joints that are too stiff for an explicit step, or asked for an implicit one."""
+        return tuple(i for i, row in enumerate(self.joints) if row[-1])
 
     def column(self, joint: str, parameter: str) -> slice:
         """Where a parameter stands; raises ModelError naming those that exist."""
@@ -102,7 +105,6 @@ def lay_out(model: mujoco.MjModel) -> Layout:
     dofs: list[int] = []
     places: list[int] = []
     joints: list[tuple[int, ...]] = []
-    implicit: list[int] = []
     uses: list[tuple[int, ...]] = []
     packed: list[NDArray[np.float64]] = []
     effects: dict[str, int] = {}
@@ -114,8 +116,6 @@ def lay_out(model: mujoco.MjModel) -> Layout:
         if friction is None:
             continue
         name = model.joint(i).name
-        if friction.stiffness > friction.limit:
-            implicit.append(len(joints))
         own, at, n_uses = OWN_STATE, first, len(uses)
         columns[name], states[name] = {}, {}
         for effect, n, p in friction.effects:
@@ -129,8 +129,8 @@ def lay_out(model: mujoco.MjModel) -> Layout:
                 states[name][effect] = slice(first_state + own, first_state + own + n_state)
             own += n_state
             packed.append(p)
-        row = (n_uses, len(uses) - n_uses, first, at - first, first_state, own)
-        joints.append((*row, int(friction.stiffness > friction.limit)))
+        stiff = int(friction.stiffness > friction.limit)
+        joints.append((n_uses, len(uses) - n_uses, first, at - first, first_state, own, stiff))
         names.append(name)
         dofs.append(int(model.jnt_dofadr[i]))
         places.append(int(model.jnt_qposadr[i]))
@@ -139,8 +139,19 @@ def lay_out(model: mujoco.MjModel) -> Layout:
         raise ModelError("no joint of the model has friction of gms_mujoco; put it on with gms_mujoco.attach")
     return Layout(
         _bare(model), tuple(names), tuple(dofs), tuple(places), tuple(effects), tuple(joints), tuple(uses),
-        tuple(implicit), np.concatenate(packed), columns, states, first_state,
+        np.concatenate(packed), columns, states, first_state,
     )  # fmt: skip
+
+
+def damps_at_the_end(disabled: int, euler: bool) -> bool:
+    """Whether MuJoCo takes the damping of joints at the end of a step, torque -D v+ where qfrc_passive has -D v.
+
+    Args:
+        disabled: flags of `opt.disableflags`.
+        euler: whether the integrator is Euler.
+    """
+    off = mujoco.mjtDisableBit
+    return not (disabled & off.mjDSBL_DAMPER or (euler and disabled & off.mjDSBL_EULERDAMP))
 
 
 def _bare(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -15,7 +15,7 @@ from .compare_servo import ServoComparison, compare_servo
 from .compare_servo import table as servo_table
 from .coordinates import all_labels
 from .frf_observation import FrfObservation, Seen
-from .inverse import Observation
+from .inverse import Observation, delivered
 from .least_squares import solve
 from .misfit import Misfit
 from .noise import Noise, believable, inertia_along, noise_of, sampling_residual, sensor_residual
@@ -324,7 +324,7 @@ def _compare_one(
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
-    torque = plant.delivered(r.held(_SUBSTEPS), r.sample_time / _SUBSTEPS, 1)
+    torque = delivered(plant, r, _SUBSTEPS)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")
     fine_load, fine_temperature = (None if x is None else np.repeat(x, _SUBSTEPS) for x in (load, temperature))

@@ -193,7 +193,7 @@ def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = E
 
 
 def _habit(misfit: Misfit, x: Array) -> str:
-    """A sentence on torques that acted before their rows; "" where they did not."""
+    """A sentence on torques that acted at another instant than their rows say; "" where they did not."""
     sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
     skew = misfit.skew(x)
     if not misfit.n_skew or abs(skew) <= misfit.most_skew:

@@ -39,7 +39,7 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
-_SKEW = 0.1  # of a sample
+SKEW = 0.1  # of a sample, that torque and position of any log may be apart
 _EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
 _READ = 0.6  # samples between the instants at which torque and position were read
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
@@ -63,6 +63,11 @@ def mean_torque(record: Record, torque: Array | None = None) -> Array:
     """Triangular mean of the torque of a record, or of another that comes in the same way [N m]."""
     u = record.torque if torque is None else torque
     return read_mean(u) if record.sensed else held_mean(u)
+
+
+def delivered(plant: Plant, record: Record, parts: int) -> Array:
+    """(parts * n,) mean torque that the drive of a plant delivered over each of so many parts of a sample [N m]."""
+    return plant.delivered(record.held(parts), record.sample_time / parts, 1)
 
 
 def smooth_mean(f: Array) -> Array:
@@ -213,8 +218,8 @@ class Observation:
     def skews_within(self) -> tuple[float, float]:
         """By how many samples the clock of the torque may run ahead of that of the position, least and most."""
         if not self.early:
-            return -_SKEW, _SKEW
-        return (-_READ, _READ) if self.record.sensed else (-_EARLY, _SKEW)
+            return -SKEW, SKEW
+        return (-_READ, _READ) if self.record.sensed else (-_EARLY, SKEW)
 
     def acting_early(self) -> Observation:
         """The same observation, whose torque may have acted at another instant."""
@@ -336,7 +341,7 @@ class Observation:
     def _delivered(self, plant: Plant) -> Array:
         """(n,) what the drive delivered around each sample."""
         r = self.record
-        torque = plant.delivered(r.held(_FINE), r.sample_time / _FINE, 1)
+        torque = delivered(plant, r, _FINE)
         rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
         mean = r.torque.copy()
         mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]

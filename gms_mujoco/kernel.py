@@ -98,61 +98,31 @@ def source(layout: Layout) -> str:
     )  # fmt: skip
 
 
-@functools.cache
-def _snippet(text: str, real: str) -> str:
-    """Body of a native function. It declares what it calls, and ends; the rest stands after it at file scope."""
-    name = f"gms_friction_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    declaration = f"double {name}(int, const {real}*, const {real}*, {real}*{', double' * 6})"
-    return f"""
-    {declaration};
-    return {name}(joint, wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0),
-                  time, timestep, position, velocity, pull, given);
-}}
-{text}
-double {name}(int joint, const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
-              double position, double velocity, double pull, double given) {{
-    return gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity, pull, given);
-"""
+# What a native function has of a world: its parameters, its states, and where the new ones go.
+_WORLD = "wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0)"
+_REAL = {wp.float64: "wp::float64", wp.float32: "wp::float32"}
 
 
 @functools.cache
-def _solving(text: str, real: str) -> str:
-    """The same for the joints that are solved for together."""
-    name = f"gms_settle_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    declaration = f"void {name}(const {real}*, const {real}*, {real}*, double, double, double*)"
+def _snippet(text: str, stem: str, result: str, parameters: str, values: str, body: str) -> str:
+    """Body of a native function. It declares what it calls, and ends; the rest stands after it at file scope.
+
+    Args:
+        text: what has to stand before that function.
+        stem: of its name, which goes on with a hash of the text.
+        result, parameters: of its declaration.
+        values: it is called with.
+        body: statement of it.
+    """
+    name = f"gms_{stem}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    back = "" if result == "void" else "return "
     return f"""
-    {declaration};
-    {name}(wp::address(parameters, row, 0), wp::address(before, world, 0), wp::address(after, world, 0), time, timestep,
-           wp::address(room, world, 0));
+    {result} {name}({parameters});
+    {back}{name}({values});
 }}
 {text}
-void {name}(const {real}* parameters, const {real}* before, {real}* after, double time, double timestep,
-            double* room) {{
-    gms::settle(parameters, before, after, time, timestep, room);
-"""
-
-
-@functools.cache
-def _responding(text: str) -> str:
-    """The same for what these joints do without their friction, and how they answer to it."""
-    name = f"gms_respond_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    declaration = (
-        f"void {name}(int, const int*, const int*, const int*, const float*, const float*, float, const float*, "
-        "const float*, const int*, double, double*, double*)"
-    )
-    return f"""
-    {declaration};
-    {name}(size, wp::address(row_size, 0), wp::address(row_start, 0), wp::address(column, 0),
-           wp::address(inertia, world, 0), wp::address(damping, row, 0), damps, wp::address(velocity, world, 0),
-           wp::address(torque, world, 0), wp::address(dofs, 0), timestep, wp::address(work, world, 0),
-           wp::address(room, world, 0));
-}}
-{text}
-void {name}(int size, const int* row_size, const int* row_start, const int* column, const float* inertia,
-            const float* damping, float damps, const float* velocity, const float* torque, const int* dofs,
-            double timestep, double* work, double* room) {{
-    gms::respond({{size, row_size, row_start, column}}, inertia, damping, damps, velocity, torque, dofs, timestep, work,
-                 room);
+{result} {name}({parameters}) {{
+    {back}{body};
 """
 
 
@@ -169,7 +139,14 @@ def evaluator(layout: Layout, real: Any) -> Any:
         [N m]; `row` is that of the parameters, `before` and `after` are the states, (nworld, n_state), and may be the
         same array. For the others see native/kernel.h.
     """
-    snippet = _snippet(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
+    number = _REAL[real]
+    snippet = _snippet(
+        source(layout), "friction", "double",
+        f"int joint, const {number}* parameters, const {number}* before, {number}* after, double time, "
+        "double timestep, double position, double velocity, double pull, double given",
+        f"joint, {_WORLD}, time, timestep, position, velocity, pull, given",
+        "gms::evaluate(joint, parameters, before, after, time, timestep, position, velocity, pull, given)",
+    )  # fmt: skip
 
     @wp.func_native(snippet)
     def friction(
@@ -201,7 +178,14 @@ def solver(layout: Layout, real: Any) -> Any:
         f(parameters, row, before, after, world, time, timestep, room); `room` is (nworld, room_size(layout)) float64,
         its rows are those of native/kernel.h.
     """
-    snippet = _solving(source(layout), {wp.float64: "wp::float64", wp.float32: "wp::float32"}[real])
+    number = _REAL[real]
+    snippet = _snippet(
+        source(layout), "settle", "void",
+        f"const {number}* parameters, const {number}* before, {number}* after, double time, double timestep, "
+        "double* room",
+        f"{_WORLD}, time, timestep, wp::address(room, world, 0)",
+        "gms::settle(parameters, before, after, time, timestep, room)",
+    )  # fmt: skip
 
     @wp.func_native(snippet)
     def settle(
@@ -220,8 +204,20 @@ def solver(layout: Layout, real: Any) -> Any:
 
 def responder(layout: Layout) -> Any:
     """A Warp function that fills the room of `solver` from the inertia that MuJoCo Warp has, see native/kernel.h."""
+    snippet = _snippet(
+        source(layout), "respond", "void",
+        "int size, const int* row_size, const int* row_start, const int* column, const float* inertia, "
+        "const float* damping, float damps, const float* velocity, const float* torque, const int* dofs, "
+        "double timestep, double* work, double* room",
+        "size, wp::address(row_size, 0), wp::address(row_start, 0), wp::address(column, 0), "
+        "wp::address(inertia, world, 0), wp::address(damping, row, 0), damps, wp::address(velocity, world, 0), "
+        "wp::address(torque, world, 0), wp::address(dofs, 0), timestep, wp::address(work, world, 0), "
+        "wp::address(room, world, 0)",
+        "gms::respond({size, row_size, row_start, column}, inertia, damping, damps, velocity, torque, dofs, timestep, "
+        "work, room)",
+    )  # fmt: skip
 
-    @wp.func_native(_responding(source(layout)))
+    @wp.func_native(snippet)
     def respond(
         size: int,
         row_size: wp.array[int],

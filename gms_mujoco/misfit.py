@@ -17,7 +17,7 @@ from .effect import Effect
 from .first_state import search_state
 from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
-from .inverse import Observation
+from .inverse import SKEW, Observation
 from .native import Joint
 from .plant import Plant
 from .scales import Scales
@@ -34,7 +34,6 @@ ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by le
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
-_SKEW = 0.1  # of a sample
 _IMPOSSIBLE = 1e3  # times the torque
 
 
@@ -109,7 +108,7 @@ class Misfit:
         rest = np.ones(self.size - self.coordinates.size)
         below, above = -rest, rest.copy()
         if self.n_skew:
-            within = [o.skews_within for o in self.observations if isinstance(o, Observation)] or [(-_SKEW, _SKEW)]
+            within = [o.skews_within for o in self.observations if isinstance(o, Observation)]
             free = self._shortest * ("delay" not in self.coordinates.template)
             below[0], above[0] = min(a for a, _ in within) * free, max(b for _, b in within) * free
         return np.append(lower, below), np.append(upper, above)
@@ -121,7 +120,7 @@ class Misfit:
     @property
     def most_skew(self) -> float:
         """That no log keeps its clocks better than [s]."""
-        return _SKEW * self._shortest
+        return SKEW * self._shortest
 
     def skew(self, x: Array) -> float:
         """By which the clock of the torque runs ahead of that of the position [s]."""

@@ -29,9 +29,6 @@ except ImportError:
     raise EngineError("friction under MJX needs it: pip install 'gms-mujoco[mjx]'") from None
 
 
-_DAMPER, _EULERDAMP = int(mujoco.mjtDisableBit.mjDSBL_DAMPER), int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-
-
 class Friction:
     """Friction of the joints of a model; all methods are pure functions for `jax.jit`, `jax.vmap` and `jax.lax.scan`.
 
@@ -111,8 +108,7 @@ class Friction:
         """Velocities (n,) at the end of the step without friction of the implicit joints, and what torques change of
         them (n * n,)."""
         now = mjx.forward(m, d.replace(qfrc_applied=d.qfrc_applied.at[self._dofs].add(torque)))
-        off = int(m.opt.disableflags)
-        damped = not off & _DAMPER and not (m.opt.integrator == mjx.IntegratorType.EULER and off & _EULERDAMP)
+        damped = batched.damps_at_the_end(int(m.opt.disableflags), m.opt.integrator == mjx.IntegratorType.EULER)
         inertia = mjx.full_m(m, now) + (m.opt.timestep * jnp.diag(m.dof_damping) if damped else 0)
         at = self._solved
         response = m.opt.timestep * jnp.linalg.inv(inertia)[at]

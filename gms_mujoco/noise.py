@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from .frf_observation import Seen
-from .inverse import Observation, count_size, mean_torque, second_difference
+from .inverse import Observation, count_size, delivered, mean_torque, second_difference
 from .plant import Plant
 from .record import Record
 
@@ -261,7 +261,7 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
         values = r.get(name)
         return None if values is None else np.repeat(values, _PARTS)
 
-    torque, rigid = plant.delivered(r.held(_PARTS), r.sample_time / _PARTS, 1), often("rigid_torque")
+    torque, rigid = delivered(plant, r, _PARTS), often("rigid_torque")
     motion = plant.joint().simulate(
         typical_inertia([r], inertia), r.sample_time / _PARTS, torque if rigid is None else torque - rigid,
         float(seen.position[0]), float(seen.velocity[0]),

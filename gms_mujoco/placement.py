@@ -65,10 +65,9 @@ def parted(misfit: Misfit, x: Array, worth: float) -> tuple[Misfit, Array] | Non
     if not len(law.apart) or law.gain.max() < worth:
         return None
     k = int(np.argmax(law.gain))
-    halves, by = law.halves(k)
     i, n = law.of[k], len(law.level)
-    share, springs = np.append(law.level, halves), np.append(law.stiffness, halves / (law.distance[i] * by))
-    share[i], springs[i] = halves, halves * by / law.distance[i]
+    share, springs = np.append(law.level, 0.0), np.append(law.stiffness, 0.0)
+    share[[n, i]], springs[[n, i]] = law.halves(k)
     gms = _with_elements(law.gms, share, springs)
     return _moved(misfit, x, gms, np.append(np.arange(n), i), ())
 
@@ -130,9 +129,11 @@ class _Elements:
         push, size = -residual @ split, (split**2).sum(0)
         self.gain = np.where((push > 0) & (size > 0), push**2 / np.maximum(size, 1e-300), 0.0)
 
-    def halves(self, k: int) -> tuple[float, float]:
-        """The level of each half, and by what they stand apart."""
-        return float(self.level[self.of[k]]) / 2, float(self.apart[k])
+    def halves(self, k: int) -> tuple[float, Array]:
+        """The level of each half of an element, and their stiffnesses (2,), the softer first."""
+        i, by = self.of[k], self.apart[k]
+        half = float(self.level[i]) / 2
+        return half, half / (self.distance[i] * np.array([by, 1 / by]))
 
 
 def _moves(misfit: Misfit, x: Array, cost: float) -> Iterator[tuple[Effect, Indices]]:
@@ -148,12 +149,11 @@ def _moves(misfit: Misfit, x: Array, cost: float) -> Iterator[tuple[Effect, Indi
         if i in done:
             continue
         done.add(i)
-        both, (half, by) = law.pairs[free[0]], law.halves(k)
+        both = law.pairs[free[0]]
         kept, other = both
         share, springs, parent = law.level.copy(), law.stiffness.copy(), np.arange(n)
         share[kept], springs[kept] = law.level[both].sum(), law.stiffness[both].sum()
-        share[[i, other]] = half
-        springs[[i, other]] = half / (law.distance[i] * np.array([by, 1 / by]))
+        share[[i, other]], springs[[i, other]] = law.halves(k)
         parent[other] = i
         yield _with_elements(law.gms, share, springs), parent
 

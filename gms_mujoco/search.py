@@ -229,7 +229,8 @@ class Search:
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
         if self.bend() or self._early():  # what was chosen beside the wrong curve is chosen again
             self.first(lambda done, message: None)
-        self.part()
+        else:
+            self.part()
         return True
 
     def _accept_two(
@@ -300,7 +301,8 @@ class Search:
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
             if self.bend():
                 self.first(lambda done, message: None)
-            self.part()
+            else:
+                self.part()
         return earned
 
     def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
@@ -336,9 +338,11 @@ class Search:
             now = last.result
             if self.at_floor or now.error > _COARSE or now.score.of != "torque" or not self.timed:
                 return
+            if "gms" not in now.plant or now.plant["gms"].elements >= _MOST_ELEMENTS:
+                return
             floor, cost = floor_of(now), left_of(now.misfit, now.vector)
             finer = parted(now.misfit, now.vector, _PARTED * max(cost - floor, 0.0))
-            if finer is None or np.size(finer[0].coordinates.template["gms"].fraction) > _MOST_ELEMENTS:
+            if finer is None:
                 return
             result = refine(*finer)
             held_out = cross_validated(result.misfit, result.vector)
@@ -415,7 +419,7 @@ class Search:
             if name not in self.steps[-1].result.plant and self.is_worth_it(result, held_out):
                 now = self.steps[-1].result
                 alone = refine(*without(result, name), below=now.misfit.cost(now.vector))
-                if alone.error < self.steps[-1].result.error:
+                if alone.error < now.error:
                     again = cross_validated(alone.misfit, alone.vector)
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
 

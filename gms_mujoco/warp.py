@@ -126,9 +126,8 @@ class Friction:
         device = self.state.device
         wp.launch(_net_torque, dim=size, inputs=forces, outputs=[self._net], device=device)
         mjw.xfrc_accumulate(m, d, self._net)
-        # MuJoCo damps a joint implicitly: torque -D v+ where qfrc_passive has -D v.
-        off, euler = int(m.opt.disableflags), m.opt.integrator == mjw.IntegratorType.EULER
-        damps = not (off & _DAMPER or (euler and off & _EULERDAMP))
+        euler = m.opt.integrator == mjw.IntegratorType.EULER
+        damps = batched.damps_at_the_end(int(m.opt.disableflags), euler)
         tree = [m.nv, m.M_rownnz, m.M_rowadr, m.M_colind, d.M, m.dof_damping, float(damps), self._solved, self._net]
         motion = [m.opt.timestep, d.time, d.qpos, d.qvel, d.qfrc_damper, d.qfrc_applied, float(m.nactuator == 0)]
         wp.launch(
@@ -138,9 +137,6 @@ class Friction:
             outputs=[self._work, self._room, self.state, self.torque, d.qfrc_passive],
             device=device,
         )
-
-
-_DAMPER, _EULERDAMP = int(mjw.DisableBit.DAMPER), int(mjw.DisableBit.EULERDAMP)
 
 
 @wp.kernel(enable_backward=False)
