@@ -50,7 +50,8 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
   const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
   const double most = p[2 * n + 1] * against(at, direction);
   const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
-  const bool slips_back = at.stiffens && scale < at.at(-direction);
+  // Added to a limit it leaves it, or takes it out of reach. As a condition it would keep compilers from taking several.
+  const double out_of_reach = at.stiffens && scale < at.at(-direction) ? 0 : -kAnyForce;
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
     const double before = direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
@@ -62,7 +63,7 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
     // weaker as a whole it gives way instead.
     const double reach = slip == direction ? kAnyForce : stuck;
     const double least = slip == direction ? -kAnyForce : stuck < lowest ? lowest - limit : 0;
-    const double gives = slips_back ? lowest : -kAnyForce;
+    const double gives = lowest + out_of_reach;
     const double beyond = before - limit, slides = limit + (beyond > least ? beyond : least) * left;
     const double force = reach > limit ? slides : stuck < lowest ? lowest : stuck;
     const double slipping = reach > limit ? direction : 0;
