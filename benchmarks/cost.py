@@ -139,7 +139,7 @@ class MjpPlugin(ctypes.Structure):
     )
 
 
-EMPTY = "gms_mujoco.an_empty"  # as long as the name of ours: MuJoCo measures it at every call
+EMPTY = "nil"  # as long as the name of ours: MuJoCo measures it at every call
 _empty: list[object] = []  # what the plug-in table points to
 
 

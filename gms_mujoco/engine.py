@@ -1,6 +1,6 @@
 """Friction inside MuJoCo: the plug-in, its attachment to named joints, the control callback, the readout.
 
-Importing this module registers the plug-in `gms_mujoco.friction`, so that a saved MJCF loads. Joints with the same
+Importing this module registers the plug-in `gms`, so that a saved MJCF loads. Joints with the same
 friction share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
 friction of a joint takes. Instances hang on the bodies of their joints, so that they come along when a model is
 attached to another.
@@ -26,7 +26,7 @@ from .effect import Effect
 from .errors import EngineError, ModelError, listing
 from .plant import Plant
 
-PLUGIN = "gms_mujoco.friction"
+PLUGIN = "gms"
 SENSOR = "gms_mujoco.sensor"
 READINGS = ("torque", "power", "states")
 

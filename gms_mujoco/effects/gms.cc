@@ -6,7 +6,6 @@ using gms::Level;
 using gms::Motion;
 
 enum { kForce = 0, kSlip = 1 };  // state of element i: force at 2 i, slip direction at 2 i + 1 (0: sticks)
-constexpr double kAnyForce = 1e308;  // above all
 
 int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
@@ -50,8 +49,7 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
   const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
   const double most = p[2 * n + 1] * against(at, direction);
   const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
-  // Added to a limit it leaves it, or takes it out of reach. As a condition it would keep compilers from taking several.
-  const double out_of_reach = at.stiffens && scale < at.at(-direction) ? 0 : -kAnyForce;
+  const bool slips_back = at.stiffens && scale < at.at(-direction);
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
     const double before = direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
@@ -61,14 +59,12 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
     // before falls to what friction now lets it carry, and it sticks at that: whether a limit that drops, as with the load,
     // overtakes a force that unwinds is a matter of noise and of the step. Where it comes to a direction in which it is
     // weaker as a whole it gives way instead.
-    const double reach = slip == direction ? kAnyForce : stuck;
-    const double least = slip == direction ? -kAnyForce : stuck < lowest ? lowest - limit : 0;
-    const double gives = lowest + out_of_reach;
-    const double beyond = before - limit, slides = limit + (beyond > least ? beyond : least) * left;
-    const double force = reach > limit ? slides : stuck < lowest ? lowest : stuck;
-    const double slipping = reach > limit ? direction : 0;
-    next[2 * i + kForce] = direction * (reach < gives ? slides : force);
-    next[2 * i + kSlip] = reach < gives ? direction : slipping;
+    const bool goes_on = slip == direction, below = stuck < lowest;
+    const bool slips = goes_on | (stuck > limit) | (slips_back & below);
+    const double least = below ? lowest - limit : 0, beyond = before - limit;
+    const double over = goes_on | (beyond > least) ? beyond : least;
+    next[2 * i + kForce] = direction * (slips ? limit + over * left : below ? lowest : stuck);
+    next[2 * i + kSlip] = slips ? direction : 0;
   }
   double total = 0;
   for (int i = 0; i < n; i++) total += next[2 * i + kForce];
@@ -76,15 +72,16 @@ GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, 
 }
 
 // One step after the other for all joints: nothing waits for the joint before, and nobody guesses what it does.
-void torques(const double* p, int n, int count, const Motion* m, const Level* level, const double* const* state,
-             double* const* next, double* out) {
+void torques(const double* p, int n, int count, const Motion* m, const Level* level, int at,
+             const double* const* state, double* const* next, double* out) {
   const double* c = p + 2 * n;
   double s[gms::kTogether], left[gms::kTogether];
   for (int j = 0; j < count; j++) s[j] = level_of(c, m[j], level[j].at(m[j].displacement));
   for (int j = 0; j < count; j++) left[j] = left_of(c, m[j], s[j]);
   for (int j = 0; j < count; j++) {
-    out[j] = m[j].displacement == 0 ? keep(n, state[j], next[j])
-                                    : move(p, n, m[j], level[j], s[j], left[j], state[j], next[j]);
+    const double* from = state[j] + at;
+    double* to = next[j] + at;
+    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p, n, m[j], level[j], s[j], left[j], from, to);
   }
 }
 

@@ -106,8 +106,8 @@ struct Effect {
   bool turns_round = false;
 
   // What `torque` gives, to the last bit, for up to kTogether joints with the same parameters, of which each has its
-  // motion, level and states: for speed alone. Null: `torque` is called for each.
-  void (*torques)(const double* p, int n, int count, const Motion* motion, const Level* level,
+  // motion, level and states, from number `at` of theirs on: for speed alone. Null: `torque` is called for each.
+  void (*torques)(const double* p, int n, int count, const Motion* motion, const Level* level, int at,
                   const double* const* state, double* const* next, double* torque) = nullptr;
 };
 

@@ -117,6 +117,7 @@ void add_wrenches(const mjModel* m, const mjData* d, double* tau) {
 
 // Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
 void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
+  Implicit::Unit few[kFew], *units = g->n_late <= kFew ? few : g->many.data();
   int n = 0;
   for (Instance* instance : g->instances) {
     for (Unit& x : instance->units) {
@@ -128,7 +129,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
         x.sum = d->qfrc_passive[x.dof];
       }
       g->active[n] = &x;
-      auto& u = g->implicit.units[n++];
+      auto& u = units[n++];
       u.joint = x.joint;
       u.dof = x.dof;
       u.weight = x.weight;
@@ -153,9 +154,10 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
                       !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
   const Inertia inertia{{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind}, d->M, d->qLD, d->qLDiagInv};
+  g->implicit.units = units;
   g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, m->opt.timestep);
   for (int i = 0; i < n; i++) {
-    const auto& u = g->implicit.units[i];
+    const auto& u = units[i];
     apply(g->active[i], d, u.torque);
     g->active[i]->own = tau[u.dof] + u.torque;
     g->active[i]->book(d)[kNextSlope] = u.slope;
@@ -224,31 +226,30 @@ void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bia
 void advance(const mjModel* m, mjData* d, Instance* instance) {
   const Joint& joint = *instance->joint;
   const int size = joint.n_state();
-  Together& t = instance->together;
   if (instance->units.size() == 1 && !instance->units[0].asleep(d)) {
     const Unit& x = instance->units[0];
-    double* state = x.state(d);
-    state[size + kAhead] = joint.torque_over(arrive(m, d, x), state, t.next[0]);
-    std::memcpy(state, t.next[0], size * sizeof(double));
+    double *state = x.state(d), before[Joint::kMaxState];
+    std::memcpy(before, state, size * sizeof(double));
+    state[size + kAhead] = joint.torque_over(arrive(m, d, x), before, state);
     return;
   }
+  Together t;
   const Unit *x = instance->units.data(), *end = x + instance->units.size();
   while (x < end) {
     int n = 0;
-    for (; x < end && n < kTogether; x++) {
+    for (; x < end && n < joint.at_once(); x++) {
       if (x->asleep(d)) {
         double* state = x->state(d);
         if (!std::isnan(state[1])) state[1] = d->time;
         continue;
       }
       t.state[n] = x->state(d);
+      t.room[n] = t.numbers + n * size;
+      std::memcpy(t.room[n], t.state[n], size * sizeof(double));
       t.motion[n++] = arrive(m, d, *x);
     }
-    if (n > 0) joint.torques(n, t.motion, t.state, t.next, t.torque);
-    for (int j = 0; j < n; j++) {
-      std::memcpy(t.state[j], t.next[j], size * sizeof(double));
-      t.state[j][size + kAhead] = t.torque[j];
-    }
+    if (n > 0) joint.torques(n, t.motion, t.room, t.state, t.torque);
+    for (int j = 0; j < n; j++) t.state[j][size + kAhead] = t.torque[j];
   }
 }
 

@@ -29,15 +29,13 @@ void multiply(const Inertia& tree, const double* x, double* y) {
 
 }  // namespace
 
-void Implicit::reserve(int n_units, int n_state, int n, int n_value) {
-  units.resize(n_units);
+void Implicit::reserve(int n_units, int n, int n_value) {
   factor_.resize(n_value);
   for (std::vector<double>* v : {&diagonal_, &path_, &change_, &product_}) v->resize(n);
   for (std::vector<double>* v : {&free_, &push_, &solved_}) v->resize(n_units);
   response_.resize(n_units * n_units);
   search_.resize(n_units);
   open_.resize(n_units);
-  together_.reserve(n_state);
 }
 
 // The factor of M + by e_k e_k', which changes along the path from k to the root alone (Gill, Golub, Murray and Saunders,
@@ -159,16 +157,17 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
 
 // The law at the velocities `origin` of some units, given by number, into `torque`.
 void Implicit::evaluate(const int* number, int count, const double* velocity, double h) {
-  Together& t = together_;
   for (int i = 0, n; i < count; i += n) {
     const Joint* joint = units[number[i]].joint;
-    for (n = 0; n < kTogether && i + n < count && units[number[i + n]].joint == joint; n++) {
+    Together t;
+    for (n = 0; n < joint->at_once() && i + n < count && units[number[i + n]].joint == joint; n++) {
       const Unit& u = units[number[i + n]];
       const double v = u.origin, side = v > u.still ? 1 : v < u.still ? -1 : sign(velocity[u.dof]);
       t.motion[n] = Joint::ahead(u.now, u.state, h, v, side);
       t.state[n] = u.state;
+      t.room[n] = t.numbers + n * joint->n_state();
     }
-    joint->torques(n, t.motion, t.state, t.next, t.torque);
+    joint->torques(n, t.motion, t.state, t.room, t.torque);
     for (int j = 0; j < n; j++) units[number[i + j]].torque = t.torque[j];
   }
 }

@@ -40,7 +40,7 @@ class Implicit {
     double* state;        // the joint's, at the anchor
     double torque;        // in: at the anchor; out: over the step
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
-    double from_others = kInfinity;  // acceleration beside weight times torque, in the last step; infinite: not known
+    double from_others;   // acceleration beside weight times torque, in the last step; infinite: not known
 
     // Of the solution; first what joints that are not stiff use, too.
     double start, still, origin;        // torque at the anchor; velocity of no displacement; point of the tangent
@@ -51,10 +51,10 @@ class Implicit {
     double forward, backward;           // torque at the onset of motion either way; NaN: not looked at
   };
 
-  std::vector<Unit> units;  // filled by the caller for each step
+  Unit* units = nullptr;  // the caller's
 
-  // For so many units with up to n_state numbers of state each, and a matrix of n rows with n_value numbers.
-  void reserve(int n_units, int n_state, int n, int n_value);
+  // For so many units, and a matrix of n rows with n_value numbers.
+  void reserve(int n_units, int n, int n_value);
 
   // The first `count` units. `damping` (n) and `velocity` (n); `tau` (n) is the net torque
   // without that of the units.
@@ -73,7 +73,6 @@ class Implicit {
   std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;
   std::vector<int> open_;  // units that are not solved for yet
-  Together together_;
 };
 
 }  // namespace gms

@@ -81,7 +81,6 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
     x.state_start = start;
     start += x.n_state + kBookkeeping;
   }
-  out->together.reserve(out->joint->n_state());
   return "";
 }
 

@@ -56,19 +56,21 @@ struct Unit {  // one joint
   bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
 };
 
+constexpr int kFew = 32;  // implicit joints that are solved for on the stack, which stays in the cache from world to world
+
 struct Instance {
   std::unique_ptr<Joint> joint = std::make_unique<Joint>();
   int id = -1;
   std::vector<Unit> units;
-  Together together;
 };
 
 // All instances of one mjData, and room to work in. Owned by its instances together.
 struct Group {
   std::vector<Instance*> instances;
-  int n_late = 0, most_state = 0;
+  int n_late = 0;
   bool inside = false;  // mj_fwdActuation, called by us
   Implicit implicit;
+  std::vector<Implicit::Unit> many;  // where the stack has no room
   std::vector<double> tau, actuator, bias, force;
   std::vector<Unit*> active;
 };

@@ -25,6 +25,7 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   only_ = modulators_.empty() && torques_.size() == 1 ? torques_[0] : Call{};
   if (effect->n_state) n_state_ += effect->n_state(n);
   if (effect->n_memory) n_memory_ += effect->n_memory(n);
+  at_once_ = std::min(kTogether, kMaxState / n_state_);
 }
 
 void Joint::reset(double* state) const {
@@ -48,29 +49,35 @@ void Joint::torques(int count, const Motion* motion, const double* const* state,
     *total = torque_over(*motion, *state, *next);
     return;
   }
-  Level modulated[kTogether];
-  const Level* level = modulators_.empty() ? kPlain : modulated;
   for (int j = 0; j < count; j++) {
     next[j][0] = motion[j].position;
     next[j][1] = motion[j].time;
-    for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion[j], modulated[j]);
   }
-  const bool alone = only_.effect;
-  double part[kTogether], *out = alone ? total : part;
-  for (int j = 0; j < count && !alone; j++) total[j] = 0;
+  if (only_.effect) {
+    torques_of(only_, count, motion, kPlain, state, next, total);
+  } else {
+    sums(count, motion, state, next, total);
+  }
+}
+
+void Joint::torques_of(const Call& x, int count, const Motion* motion, const Level* level, const double* const* state,
+                       double* const* next, double* torque) {
+  if (x.effect->torques) return x.effect->torques(x.p, x.n, count, motion, level, x.state, state, next, torque);
+  for (int j = 0; j < count; j++) {
+    torque[j] = x.effect->torque(x.p, x.n, motion[j], level[j], state[j] + x.state, next[j] + x.state);
+  }
+}
+
+void Joint::sums(int count, const Motion* motion, const double* const* state, double* const* next, double* total) const {
+  Level level[kTogether];
+  double part[kTogether];
+  for (const Call& x : modulators_) {
+    for (int j = 0; j < count; j++) x.effect->modulate(x.p, x.n, motion[j], level[j]);
+  }
+  std::fill(total, total + count, 0.0);
   for (const Call& x : torques_) {
-    const double* from[kTogether];
-    double* to[kTogether];
-    for (int j = 0; j < count; j++) {
-      from[j] = state[j] + x.state;
-      to[j] = next[j] + x.state;
-    }
-    if (x.effect->torques) {
-      x.effect->torques(x.p, x.n, count, motion, level, from, to, out);
-    } else {
-      for (int j = 0; j < count; j++) out[j] = x.effect->torque(x.p, x.n, motion[j], level[j], from[j], to[j]);
-    }
-    for (int j = 0; j < count && !alone; j++) total[j] += part[j];
+    torques_of(x, count, motion, level, state, next, part);
+    for (int j = 0; j < count; j++) total[j] += part[j];
   }
 }
 

@@ -61,11 +61,15 @@ class Joint {
     next[0] = motion.position;
     next[1] = motion.time;
     if (!only_.effect || parts) return sum(motion, state, next, parts);
-    return only_.effect->torque(only_.p, only_.n, motion, Level(), state + only_.state, next + only_.state);
+    static const Level plain;
+    return only_.effect->torque(only_.p, only_.n, motion, plain, state + only_.state, next + only_.state);
   }
 
-  // The same for up to kTogether joints with this friction, from state[j] to next[j], given how each has moved.
+  // The same for up to at_once() joints with this friction, from state[j] to next[j], given how each has moved.
   void torques(int count, const Motion* motion, const double* const* state, double* const* next, double* torque) const;
+
+  // As many as have room in a Together.
+  int at_once() const { return at_once_; }
 
   // How a joint has moved from where its state holds to `now`.
   static Motion since(const Sample& now, const double* state) {
@@ -122,26 +126,26 @@ class Joint {
     int n, state, use;
   };
 
+  static void torques_of(const Call& x, int count, const Motion* motion, const Level* level, const double* const* state,
+                         double* const* next, double* torque);
+  GMS_APART void sums(int count, const Motion* motion, const double* const* state, double* const* next,
+                      double* total) const;
+
   std::vector<Use> uses_;
   std::vector<Call> modulators_, torques_;
   Call only_{};  // the one call of a joint that needs no other, as most do; else without an effect
   int n_state_ = kAnchor;
   int n_memory_ = 0;
+  int at_once_ = kTogether;
   bool has_load_ = false;
 };
 
-// What Joint::torques is asked for, and room for what it answers: of up to kTogether joints.
+// What Joint::torques is asked for and what it answers, with room for a state of each joint. On the stack, which is in the
+// cache whatever world is stepped.
 struct Together {
   Motion motion[kTogether];
-  double *state[kTogether], *next[kTogether], torque[kTogether];
-
-  void reserve(int n_state) {
-    room_.resize(static_cast<size_t>(kTogether) * n_state);
-    for (int i = 0; i < kTogether; i++) next[i] = room_.data() + static_cast<size_t>(i) * n_state;
-  }
-
- private:
-  std::vector<double> room_;
+  double *state[kTogether], *room[kTogether], torque[kTogether];
+  double numbers[Joint::kMaxState];  // where room may be
 };
 
 }  // namespace gms

@@ -1,4 +1,4 @@
-// What MuJoCo calls: the engine plug-in `gms_mujoco.friction`, and the control callback over its instances.
+// What MuJoCo calls: the engine plug-in `gms`, and the control callback over its instances.
 //
 // One instance is the friction of one joint, or of several that have the same. Parameters come from its <config>,
 // state lives in plugin_state, so that reset, copies, mj_getState, rollouts, saved models and finite differences work
@@ -31,7 +31,7 @@ using gms::Instance;
 using gms::Joint;
 using gms::Unit;
 
-constexpr char kPlugin[] = "gms_mujoco.friction";
+constexpr char kPlugin[] = "gms";  // short: MuJoCo measures it six times a step, 19 letters took 1 % of a small one
 constexpr int kMessage = 600;
 
 struct Handle {  // what plugin_data points to
@@ -100,8 +100,8 @@ int init(const mjModel* m, mjData* d, int id) {
       for (const Unit& x : made->instance.units) g.n_late += x.late();
       const int n = static_cast<int>(taken.size());
       g.active.resize(n);
-      g.most_state = std::max(g.most_state, made->instance.joint->n_state());
-      g.implicit.reserve(n, g.most_state, m->nv, m->nC);
+      g.implicit.reserve(n, m->nv, m->nC);
+      if (n > gms::kFew) g.many.resize(n);
       g.force.resize(m->nout);
       for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias}) v->resize(m->nv);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
@@ -160,7 +160,6 @@ GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
       for (const Unit& x : mine.units) h->group->n_late -= x.late();
       mine.joint = std::move(other.joint);
       mine.units = std::move(other.units);
-      mine.together.reserve(mine.joint->n_state());
       for (const Unit& x : mine.units) h->group->n_late += x.late();
       h->model = m;
     } else {

@@ -26,7 +26,7 @@ class SingleAxis {
       joint.reset(state_.data());
     }
     implicit_ = implicit < 0 ? h * steepest_ * mobility_ > kExplicitLimit : implicit != 0;
-    solver_.reserve(1, joint.n_state(), 1, 1);
+    solver_.reserve(1, 1, 1);
   }
 
   // Torque of the effects over the step from `now`, beside the torque `applied`.
@@ -36,7 +36,7 @@ class SingleAxis {
     if (implicit_) {
       const int one = 1, zero = 0;
       const Inertia inertia{{1, &one, &zero, &zero}, &inertia_, nullptr, nullptr};
-      auto& unit = solver_.units[0];
+      Implicit::Unit unit;
       unit.joint = &joint_;
       unit.dof = 0;
       unit.weight = mobility_;
@@ -45,6 +45,8 @@ class SingleAxis {
       unit.state = state_.data();
       unit.torque = f;
       unit.slope = slope_;
+      unit.from_others = kInfinity;
+      solver_.units = &unit;
       solver_.solve(1, inertia, nullptr, &now.velocity, &applied, h_);
       f = unit.torque;
       slope_ = unit.slope;
