@@ -1,9 +1,11 @@
 """Throughput of MuJoCo Warp with and without friction: world-steps per second of the arm, on the device at hand.
 
-Each of the seven joints has four friction elements with a Stribeck curve, and viscous drag. The two models take turns
-in short rounds, on a GPU each as a captured graph; the ratio is the median over the rounds of time with friction over
-time without. Both swing through the same positions: every tenth step takes the worlds back to where they set out, each
-with velocities and torques of its own. So neither comes to its limits, and friction slips and turns back.
+Each of the seven joints has four friction elements with a Stribeck curve, and viscous drag: taken at the beginning of a
+step, as their stiffness allows, and all seven solved for together by backward Euler, as stiff or static ones are. The
+models take turns in short rounds, on a GPU each as a captured graph; the ratios are medians over the rounds of time
+with friction over time without. All swing through the same positions: every tenth step takes the worlds back to where
+they set out, each with velocities and torques of its own. So none comes to its limits, and friction slips and turns
+back.
 
 Run: OPENBLAS_NUM_THREADS=1 python benchmarks/gpu.py [largest number of worlds] [seconds per figure]
 """
@@ -61,22 +63,24 @@ def main() -> None:
     budget = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
     wp.config.log_level = wp.LOG_WARNING
     bare = mujoco.MjModel.from_xml_path(str(gms.MODELS / "arm.xml"))
-    real = gms.attach(gms.MODELS / "arm.xml", {"*": gms.Plant.load("arm_joint")}).compile()
+    plants = {"*": gms.Plant.load("arm_joint")}
+    real = [gms.attach(gms.MODELS / "arm.xml", plants, way).compile() for way in ("explicit", "implicit")]
     device = wp.get_device()
     print(f"world-steps/s of the arm on {device.name}, mujoco_warp {mjw.__version__}, gms_mujoco {gms.__version__}")
-    print(f"{'worlds':>7s}{'frictionless':>14s}{'with friction':>15s}{'time, ratio':>13s}{'of rounds':>14s}")
+    print(f"{'':21s}{'friction explicit, time ratio':>40s}{'friction implicit, time ratio':>40s}")
+    print(f"{'worlds':>7s}{'frictionless':>14s}" + 2 * f"{'steps/s':>14s}{'median':>11s}{'of rounds':>15s}")
     worlds = 1
     while worlds <= largest:
-        runs = [stepper(bare, mjw.put_model(bare), worlds), stepper(real, put_model(real, worlds)[0], worlds)]
-        times = max(1, int(budget / 2 / ROUNDS / max(seconds(runs[0], 1), 1e-9)))
+        runs = [stepper(bare, mjw.put_model(bare), worlds)]
+        runs += [stepper(model, put_model(model, worlds)[0], worlds) for model in real]
+        times = max(1, int(budget / 3 / ROUNDS / max(seconds(runs[0], 1), 1e-9)))
         rounds = [[seconds(run, times) for run in runs] for _ in range(ROUNDS)]
         rates = [worlds * STEPS * times / statistics.median(r) for r in zip(*rounds, strict=True)]
-        ratios = sorted(b / a for a, b in rounds)
-        print(
-            f"{worlds:7d}{rates[0]:14.0f}{rates[1]:15.0f}{statistics.median(ratios):13.3f}"
-            f"{ratios[1]:8.3f}-{ratios[-2]:.3f}",
-            flush=True,
-        )
+        line = f"{worlds:7d}{rates[0]:14.0f}"
+        for i in (1, 2):
+            ratios = sorted(r[i] / r[0] for r in rounds)
+            line += f"{rates[i]:14.0f}{statistics.median(ratios):11.3f}{ratios[1]:9.3f}-{ratios[-2]:.3f}"
+        print(line, flush=True)
         worlds *= 4 if worlds < 1024 else 2
 
 

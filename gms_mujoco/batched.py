@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import native
 from .errors import EngineError, ModelError, listing
 
-OWN_STATE = 7  # of a joint, before the states of its effects: see native/kernel.h
+OWN_STATE = 8  # of a joint, before the states of its effects: see native/kernel.h
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,14 @@ class Layout:
             torque, parts = found
             for effect, begin, end in parts:
                 out[self.states[name][effect]] = data.plugin_state[begin:end]
-            # See kBookkeeping in native/instance.h. Time is that of the data, which may have been rounded.
+            # See kBookkeeping in native/instance.h. Time and position are those of the data, which are rounded.
             anchor = torque - native.ANCHOR - (row[5] - OWN_STATE)
             fresh, ahead, velocity, _, _, _, load = data.plugin_state[torque + 1 : torque + 8]
             if not np.isnan(data.plugin_state[anchor]):
                 position, time = data.plugin_state[anchor : anchor + native.ANCHOR]
-                out[row[4] : row[4] + OWN_STATE] = (position, np.float32(time), fresh, ahead, velocity, load, 0)
+                there = np.float32(position)
+                own = (there, np.float32(time), fresh, ahead, velocity, load, 0, position - there)
+                out[row[4] : row[4] + OWN_STATE] = own
         return out
 
 

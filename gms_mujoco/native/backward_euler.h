@@ -6,6 +6,8 @@
 
 namespace gms {
 
+constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
+
 // What one search knows for the next at the same instant, with another free velocity.
 struct Search {
   double forward = std::nan(""), backward = std::nan("");  // torque at the onset of motion either way
@@ -19,8 +21,6 @@ struct Search {
 // set-valued where the displacement is zero: there the joint holds, with whatever torque that takes.
 template <class Force>
 double backward_euler(const Force& force, double moved, double h, double free_velocity, double gain, Search* search) {
-  constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
-
   // Friction can jump only where the displacement changes sign: look there first, from either side.
   const double still = -moved / h;
   if (std::isnan(search->forward)) search->forward = force(still, kTiny);

@@ -10,6 +10,7 @@ constexpr double kHold = 1e30;      // on the diagonal: the velocity of this joi
 constexpr double kExact = 1e-7;     // a law this close to its tangent is on it, in parts of the torque
 constexpr double kSoft = 0.05;      // h slope / inertia below which a tangent may be taken as level
 constexpr double kLeft = 0.05;      // error that may be left, in parts of the change of torque over the step
+constexpr double kFine = 1e-3;      // how far a stiff neighbour may be put off, in parts of the torque
 constexpr double kStiff = 1;        // h slope / inertia from which joints are solved for together
 constexpr double kLoose = 0.3;      // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr int kIterations = 12;
@@ -94,7 +95,9 @@ void Implicit::tangent(Unit* u, double at, double h) const {
   u->origin = at;
   u->value = u->joint->torque_ahead(u->now, u->state, h, at, side);
   const double beyond = u->joint->torque_ahead(u->now, u->state, h, at + side * small, side);
-  u->used = u->slope = std::max(0.0, (u->value - beyond) * side / small);
+  const double slope = (u->value - beyond) * side / small;
+  u->used = u->slope = std::max(0.0, slope);
+  u->bend = std::fabs(slope);
   u->seen = at;
   u->off = 0;
   u->law = u->value;
@@ -131,21 +134,29 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   // Acting in place of its tangent, f changes the velocity, and the law is off by what it changes over that. The
   // step itself errs by about half the change of torque over it; much less than that is good enough. On the side
   // that the joint comes from more and more of it slips, so that the slope known bounds those to come; unless there is
-  // a load to run into.
+  // a load to run into. A stiff neighbour is moved too, and winds up by what that is off: for its sake f has to be exact.
   const bool softens = side * (now - u->still) > 0 && !u->joint->has_load();
-  const double bound = softens ? std::max(u->slope, u->used) : u->steepest;
+  const double bound = softens ? std::max({u->slope, u->used, u->bend}) : std::max(u->steepest, u->used);
+  const double own = h * bound * u->weight;
+  const auto enough = [&](double off, double torque) {
+    const double change = kLeft * std::fabs(torque - u->start);
+    return off * own <= change && off * stiffest_ <= std::max(change, kFine * std::fabs(torque));
+  };
   // Since it was looked at last, the law has come off its tangent by no more than this: no need to look again.
-  const double drift = std::fabs(velocity - u->seen) * std::max(u->steepest, u->used);
-  if ((u->off + drift) * h * bound * u->weight <= kLeft * std::fabs(u->law - u->start)) return true;
+  if (enough(u->off + std::fabs(velocity - u->seen) * bound, u->law)) return true;
   const double f = u->joint->torque_ahead(u->now, u->state, h, velocity, side);
   const double off = std::fabs(f - u->torque), size = std::fabs(f) + std::fabs(u->torque);
   u->seen = velocity;
   u->off = off;
   u->law = f;
   if (off <= kExact * size) return true;
-  if (off * h * bound * u->weight <= kLeft * std::fabs(f - u->start)) {
-    u->torque = f;
-    return true;
+  if (off * own <= kLeft * std::fabs(f - u->start)) {
+    const bool done = enough(off, f);
+    u->torque = u->value = f;
+    u->origin = velocity;
+    u->side = side;
+    u->off = 0;
+    return done;
   }
   if (side != u->side) {
     hold_or_start(u, side, h);
@@ -207,6 +218,7 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
     Unit& u = units[i];
     u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
     stiff |= h * u.steepest * u.weight > kStiff;
+    stiffest_ = std::max(i == 0 ? 0 : stiffest_, h * u.steepest * u.weight);
     known &= u.from_others != kInfinity && h * u.steepest * u.weight <= kLoose;
   }
   for (int i = 0; damping && !damped && i < n; i++) damped = damping[i] != 0;
@@ -217,6 +229,7 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
     u.origin = u.still;
     u.value = u.start = u.torque;
     u.seen = kUnset;
+    u.bend = 0;
     if (u.slope < 0) hold_or_start(&u, u.side != 0 ? u.side : 1, h);
     u.used = h * u.slope * u.weight < kSoft ? 0 : u.slope;
   }

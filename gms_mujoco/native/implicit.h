@@ -46,6 +46,7 @@ class Implicit {
     double start, still, origin;        // torque at the anchor; velocity of no displacement; point of the tangent
     double side, value;                 // side of standstill that the tangent is for; its torque at `origin`
     double used;                        // slope of the tangent in use: 0 where little depends on it
+    double bend;                        // size of the law's slope there, or 0
     double factored;                    // the slope that the factor has
     double seen, off, law;              // where the law was looked at last, how far off its tangent it was, and itself
     double forward, backward;           // torque at the onset of motion either way; NaN: not looked at
@@ -72,6 +73,7 @@ class Implicit {
 
   std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;
+  double stiffest_;        // the largest h slope / inertia
   std::vector<int> open_;  // units that are not solved for yet
 };
 

@@ -84,7 +84,6 @@ class Joint {
   // How it moves from there to the end of a step of length h from `now` that ends with velocity v. Where that is no
   // displacement, `side` says from which side: +1 or -1.
   static Motion ahead(const Sample& now, const double* state, double h, double v, double side) {
-    constexpr double kTiny = 1e-150;  // displacement that has a direction and nothing else
     const bool fresh = std::isnan(state[0]);
     double moved = (fresh ? 0 : now.position - state[0]) + h * v;
     if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill

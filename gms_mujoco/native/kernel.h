@@ -13,9 +13,9 @@ enum { kFirstUse = 0, kNumUses, kFirstParameter, kNumParameters, kFirstState, kN
 enum { kEffect = 0, kElements, kUseParameter, kUseState, kUseRow };
 
 // State of a joint: where it is anchored, whether it has not moved since the reset, the torque at the anchor with the
-// velocity it was found at, the load; what the joint was given at the last evaluation, by friction and others; then the
-// state of each effect. See Joint in joint.h and kBookkeeping in instance.h.
-enum { kAnchor = 0, kAnchorTime, kVirgin, kTorqueThere, kVelocityThere, kLoad, kGiven, kOwnState };
+// velocity it was found at, the load; what the joint was given at the last evaluation, by friction and others; how far it
+// is ahead of its anchor as that was rounded; then the state of each effect. See Joint in joint.h and kBookkeeping in instance.h.
+enum { kAnchor = 0, kAnchorTime, kVirgin, kTorqueThere, kVelocityThere, kLoad, kGiven, kAhead, kOwnState };
 
 inline double total(const int* uses, int n, const double* p, const Motion& motion, const double* state, double* next) {
   Level level;
@@ -29,6 +29,14 @@ inline double total(const int* uses, int n, const double* p, const Motion& motio
     sum += torque(x[kEffect], p + x[kUseParameter], x[kElements], motion, level, state + at, next + at);
   }
   return sum;
+}
+
+// How far a joint is ahead of its position as that was rounded to single precision, after a step in which the position
+// changed by `moved`. All integrators but RK4 move a joint by the step times the velocity at its end, the `way`: that is what
+// the torque of the step was solved for. Where the two do not belong together somebody has set the joint elsewhere.
+inline double ahead_of(double position, double moved, double way) {
+  const double digit = 1.2e-7 * std::fmax(std::fabs(position), std::fabs(position - moved));  // 2^-23
+  return std::fabs(way - moved) <= digit ? way - moved : 0;
 }
 
 // Torque on the joint now, and its state: `before` and `after` may be the same. The first call at a later time moves the
@@ -61,9 +69,11 @@ double evaluate(int number, const Real* parameters, const Real* before, Real* af
   } else if (!later && position == state[kAnchor] && velocity == state[kVelocityThere]) {
     f = state[kTorqueThere];
   } else {
-    motion.displacement = position - state[kAnchor];
-    const double steps = std::floor((time - state[kAnchorTime]) / step + 0.5);
-    if (later) motion.duration = step * std::fmax(steps, 1);
+    const double steps = std::fmax(std::floor((time - state[kAnchorTime]) / step + 0.5), 1);
+    if (later) motion.duration = step * steps;
+    const double moved = position - state[kAnchor], was = state[kAhead];
+    if (later) state[kAhead] = steps > 1 ? 0 : ahead_of(position, moved, step * velocity);
+    motion.displacement = moved + (later ? state[kAhead] : 0) - was;
     f = total(uses, n, p, motion, state, next);
     for (int i = kOwnState; later && i < n_state; i++) state[i] = next[i];
   }
@@ -107,6 +117,7 @@ template <class Real>
 void settle(const Real* parameters, const Real* before, Real* after, double time, double step, double* room) {
   constexpr int n = GMS_IMPLICIT;
   Search search[n];
+  double moved[n];
   for (int k = 0; k < GMS_STATES; k++) after[k] = before[k];
   for (int k = 0; k < n; k++) {
     search[k].velocity = room[kHowFast * n + k];
@@ -127,7 +138,13 @@ void settle(const Real* parameters, const Real* before, Real* after, double time
       for (int i = 0; i < joint[kNumStates]; i++) state[i] = before[joint[kFirstState] + i];
       const Motion now{room[kWhere * n + k], 0, 0, time - state[kAnchorTime], time, state[kLoad], 0};
       const Ahead force{kUses + joint[kFirstUse] * kUseRow, joint[kNumUses], p, state, now, step};
-      push = backward_euler(force, now.position - state[kAnchor], step, v, gain, &search[k]);
+      if (pass == 0) {
+        moved[k] = now.position - state[kAnchor];
+        // What holds at any place stays at the one that was rounded.
+        const double ahead = state[kAhead], forward = ahead == 0 ? 0 : force(0, kTiny);
+        if (ahead != 0 && force(0, -kTiny) - forward <= 1e-7 * std::fabs(forward)) moved[k] -= ahead;
+      }
+      push = backward_euler(force, moved[k], step, v, gain, &search[k]);
     }
   }
   for (int k = 0; k < n; k++) {
