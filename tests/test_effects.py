@@ -1,5 +1,6 @@
 """The contract that every effect of the catalogue keeps; a new file in effects/ joins by being there."""
 
+import itertools
 import math
 import warnings
 
@@ -162,8 +163,9 @@ def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
     assert np.array_equal(plant.joint().replay(t, q, v).torque, torque)
 
 
-@NATIVE
-@pytest.mark.parametrize("elements", [1, 4, 5])
+@pytest.mark.parametrize(
+    ("name", "elements"), [*itertools.product(NATIVE.args[1], [1, 4, 5]), ("gms", 40), ("gms", 200)]
+)
 @pytest.mark.parametrize("modulated", [None, 0.0, 1.0])
 def test_joints_with_the_same_friction_get_what_each_gets_alone(name, elements, modulated):
     """The plug-in takes joints together: to the last bit the replay of each, one effect alone or several, modulated by

@@ -203,6 +203,16 @@ def test_stiff_joint_is_bounded_under_every_integrator(integrator, wh):
     assert np.abs(rows[:, 1]).max() < 0.4 * FS / stiffness[3]
 
 
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
+def test_500_hz_joint_runs_at_2_ms_under_every_integrator(integrator):
+    """In parts of the travel from full slip to full slip, against steps of 1 us."""
+    stiffness, h = np.array([8, 4, 2, 1]) / 15 * J * (2 * np.pi * 500) ** 2, 2e-3
+    plant, torque = Plant.axis(J) + gms(stiffness), 0.6 * FS * np.sin(2 * np.pi * 3 * h * np.arange(500))
+    reference = plant.joint().simulate(J, h, torque, substeps=2000, integration="explicit").position
+    q = run(*axis(plant, timestep=h, integrator=integrator), torque)[:, 1]
+    assert np.abs(q - reference).max() < 0.02 * 2 * 0.4 * FS / stiffness[3]
+
+
 def test_actuation_disabled_and_models_without_actuators():
     for xml in (AXIS, AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")):
         model = engine.attach(xml, {"shaft": DRY}).compile()
@@ -354,20 +364,32 @@ def test_transition_derivatives_are_those_of_the_step(integration):
         assert np.allclose(np.column_stack([A, B]), np.transpose(columns), rtol=1e-4, atol=1e-6 * np.abs(B).max())
 
 
-def test_sleeping_joints_gather_no_torque():
-    xml = AXIS.replace("<option ", '<option sleep_tolerance="0.01" ').replace(
-        "/>\n<worldbody>", '><flag sleep="enable"/></option>\n<worldbody>', 1
-    ).replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
-    for integration in ("explicit", "implicit"):
-        model = engine.attach(xml, {"shaft": BEARING}, integration).compile()
-        data = mujoco.MjData(model)
+@INTEGRATIONS
+def test_a_sleeping_joint_gathers_no_torque_and_its_neighbour_notices_nothing(integration):
+    """Two rotors share an instance: one comes to rest, sleeps and is woken, the other is driven all along."""
+    body = '<body><joint name="{}" axis="0 0 1"/><geom size="0.1" mass="0" contype="0"/>' + (
+        f'<inertial pos="0 0 0" mass="1" diaginertia="{J} {J} {J}"/></body>'
+    )
+    plant, runs = Plant.axis(J) + gms() + effects.Viscous(coefficient=3e-4), {}
+    for sleep in ("enable", "disable"):
+        text = (
+            f'<mujoco><option timestep="5e-4" gravity="0 0 0" sleep_tolerance="1e-3"><flag sleep="{sleep}"/></option>'
+            f'<worldbody>{body.format("calm")}{body.format("busy")}</worldbody></mujoco>'
+        )
+        model = engine.attach(text, {"*": plant}, integration).compile()
+        data, rows = mujoco.MjData(model), []
         data.qvel[0] = 3
-        mujoco.mj_step(model, data, 8000)
-        assert data.tree_asleep[0] >= 0, "the tree must have fallen asleep"
-        assert abs(data.qfrc_passive[0]) < FS
-        torque = data.qfrc_passive[0]
-        mujoco.mj_step(model, data, 100)
-        assert data.qfrc_passive[0] == torque
+        for k in range(6000):
+            data.qfrc_applied[:] = 1.3 * FS * np.sin(4e-3 * max(k - 4000, 0)), 1.5 * FS * np.sin(0.01 * k)
+            mujoco.mj_step(model, data)
+            rows.append((*data.qpos, engine.friction(model, data, "calm").torque, data.tree_asleep[0] >= 0))
+        runs[sleep] = np.array(rows).T
+        assert model.nplugin == 1
+    calm, busy, torque, asleep = runs["enable"]
+    assert asleep[3000:4000].all() and not asleep[4100:].any()
+    assert np.ptp(torque[3000:4000]) == 0 and abs(torque[3000]) < FS
+    assert np.array_equal(busy, runs["disable"][1])
+    assert np.abs(calm - runs["disable"][0]).max() < 0.01 * np.ptp(calm)
 
 
 # ------------------------------------------------------------------------------------------ against MuJoCo's own

@@ -114,6 +114,16 @@ def test_500_hz_joint_runs_at_2_ms():
     assert np.abs(explicit - reference).max() > travel, "the explicit step is unstable here"
 
 
+def test_a_joint_stops_however_short_its_break_away_distance_is():
+    """0.1 nrad against 5 urad of motion: no step that ends beyond where it should hold takes friction for a drive."""
+    h, k = 1e-3, (30 / 1e-3) ** 2
+    joint = (Plant.axis(1.0) + gms(k)).joint()
+    torque = 8e-3 * np.sin(0.03 * np.arange(1000))
+    reference = joint.simulate(1.0, h, torque, substeps=300, integration="explicit").position
+    q = joint.simulate(1.0, h, torque).position
+    assert np.abs(q - reference).max() < 0.02 * np.ptp(reference)
+
+
 @pytest.mark.parametrize("wh", [3.0, 10.0, 30.0, 100.0])
 @pytest.mark.parametrize("amplitude", [0.7, 1.5])
 def test_stiff_joint_stays_bounded_without_chatter(wh, amplitude):

@@ -246,3 +246,30 @@ def test_coupled_joints_that_are_solved_alone_come_to_rest(softness, seed):
         energy.append(data.energy[1])
     assert max(energy) < 1.02 * energy[0]
     assert max(energy[-100:]) < 0.05 * energy[0]
+
+
+@pytest.mark.parametrize(("wh", "tolerance"), [(0.1, 0), (3, 1e-3)])
+def test_each_of_many_implicit_joints_moves_as_it_does_alone(wh, tolerance):
+    """Forty rotors that do not touch, more than are solved for on the stack; stiff ones as near as a solution comes."""
+
+    def motion(load):
+        body = '<body><joint name="j{}" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+        bodies = "".join(body.format(i) for i in range(load.shape[1]))
+        text = f'<mujoco><option timestep="1e-3" gravity="0 0 0"/><worldbody>{bodies}</worldbody></mujoco>'
+        law = effects.GMS(
+            stiffness=np.array([8, 4, 2, 1]) / 15 * (wh / 1e-3) ** 2, fraction=SHARE, coulomb=4.5, static=5.4,
+            stribeck_velocity=0.8, attraction=300,
+        )  # fmt: skip
+        model = engine.attach(text, {"*": Plant.axis(1.0) + law}, "implicit").compile()
+        data, q = mujoco.MjData(model), []
+        for row in load:
+            data.qfrc_applied[:] = row
+            mujoco.mj_step(model, data)
+            q.append(data.qpos.copy())
+        return np.array(q)
+
+    load = 8 * np.sin(0.02 * np.arange(1000)[:, None] * np.random.default_rng(0).uniform(0.5, 2, 40))
+    together = motion(load)
+    for j in (0, 17, 39):
+        alone = motion(load[:, [j]])[:, 0]
+        assert np.abs(together[:, j] - alone).max() <= tolerance * np.ptp(alone)

@@ -133,9 +133,10 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   u->torque = u->value - u->used * (velocity - u->origin);
   // Acting in place of its tangent, f changes the velocity, and the law is off by what it changes over that. The
   // step itself errs by about half the change of torque over it; much less than that is good enough. On the side
-  // that the joint comes from more and more of it slips, so that the slope known bounds those to come; unless there is
-  // a load to run into. A stiff neighbour is moved too, and winds up by what that is off: for its sake f has to be exact.
-  const bool softens = side * (now - u->still) > 0 && !u->joint->has_load();
+  // that the joint comes from more and more of it slips, so that the slope known there bounds those to come; unless
+  // there is a load to run into. A stiff neighbour is moved too, and winds up by what that is off: for its sake f has to
+  // be exact.
+  const bool softens = side == u->side && side * (now - u->still) > 0 && !u->joint->has_load();
   const double bound = softens ? std::max({u->slope, u->used, u->bend}) : std::max(u->steepest, u->used);
   const double own = h * bound * u->weight;
   const auto enough = [&](double off, double torque) {
