@@ -174,8 +174,9 @@ def test_gms_holds_without_creep(integrator):
     assert abs(q[-1] - q[-1 - 10 * period]) < 1e-9 * np.ptp(q)
 
 
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
 @pytest.mark.parametrize("timestep", [1e-4, 5e-4, 2e-3, 5e-3])
-def test_hold_test_of_the_peers(timestep):
+def test_hold_test_of_the_peers(integrator, timestep):
     """Break-away 0.34 N m under 0.15 + 0.10 sin(2 pi 5 t) N m, after the transient: MuJoCo's frictionloss creeps
     by 23,563 urad/s, its LuGre by 2,440 urad/s."""
     law = effects.GMS(
@@ -185,6 +186,7 @@ def test_hold_test_of_the_peers(timestep):
     xml = AXIS.replace(str(J), "1e-3")
     spec = engine.attach(xml, {"shaft": Plant.axis() + law + effects.Viscous(coefficient=0.02)})
     spec.option.timestep = timestep
+    spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     model = spec.compile()
     period = round(0.2 / timestep)
     load = 0.15 + 0.10 * np.sin(2 * np.pi * np.arange(20 * period) / period)
