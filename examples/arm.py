@@ -6,7 +6,8 @@ The arm of models/arm.xml moves all joints at once under a controller in MuJoCo,
 more effect each. Where MuJoCo can make the effect it does (a spring, a payload), or a line of code here (an offset,
 cogging, a command that arrives late). What a robot logs, commanded torques and encoder positions, goes into a
 measurement set with the MJCF of the arm, which knows nothing of friction, effects and payload; `gms_mujoco.diagnose`
-names what is missing in each joint.
+names what is missing in each joint. With the payload 1 % of the torque remains that is not noise: its inertia answers
+the trembling of the joints that are held, which no effect of one joint can tell.
 """
 
 import sys

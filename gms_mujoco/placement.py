@@ -17,6 +17,7 @@ from .effect import Effect
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
+from .starts import longest_break_away
 from .tall import gram, times
 
 Array = NDArray[np.float64]
@@ -114,6 +115,9 @@ class _Elements:
         self.pairs = pairs = np.column_stack([order[:-1], order[1:]])
         some = np.flatnonzero(level > _LEAST)
         self.of, self.apart = np.tile(some, len(_APART)), np.repeat(_APART, len(some))
+        # The softer half of one that is as soft as a fit lets it be would be a spring, half by half.
+        slips = self.distance[self.of] * self.apart <= longest_break_away(self.distance, level, misfit.observations)
+        self.of, self.apart = self.of[slips], self.apart[slips]
         joint = level[pairs].sum(1) / self.stiffness[pairs].sum(1)
         there = self.distance[self.of]
         tried = np.concatenate([self.distance, joint, there * self.apart, there / self.apart])

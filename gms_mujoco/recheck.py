@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
 _CLOSE = 1.5  # times what the best left: an effect that left more then is not tried again
+_MOST = 0.9  # of what the best took: one of fewer parameters that took as much is
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
 
@@ -31,8 +32,8 @@ def exchange(search: Search) -> None:
     """Tries in the place of each effect the others that earned it as well.
 
     What was still missing when they were compared may have made one look like the other, or better, and so may
-    friction that came out a little different beside each. Tried are those that could not be told apart, and short of
-    the noise floor those that came close.
+    friction that came out a little different beside each. Tried are those that could not be told apart, those of fewer
+    free parameters that took nearly as much, and short of the noise floor those that came close.
     """
     for k in range(1, len(search.steps)):
         if k >= len(search.steps):
@@ -44,6 +45,7 @@ def exchange(search: Search) -> None:
             for t in step.others
             if t.name in step.confusable_with
             or (not search.at_floor and t.held_out.total < _CLOSE * step.held_out.total)
+            or _simpler(t, step, search.steps[k - 1])
         ]
         trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
         chosen, equal = simplest([t.held_out for t in trials], [t.result.misfit.coordinates.size for t in trials])
@@ -55,6 +57,13 @@ def exchange(search: Search) -> None:
         plant = search.steps[-1].result.plant
         alike = tuple(trials[i].name for i in equal if trials[i].name not in plant)
         search.steps[k] = replace(search.steps[k], confusable_with=alike)
+
+
+def _simpler(trial: Trial, step: Step, before: Step) -> bool:
+    """Whether an effect took most of what that of a step did, with fewer free parameters."""
+    total = before.held_out.total
+    fewer = trial.result.misfit.coordinates.size < step.result.misfit.coordinates.size
+    return fewer and total - trial.held_out.total > _MOST * (total - step.held_out.total)
 
 
 def _instead(search: Search, name: str, other: Trial) -> Trial:

@@ -25,6 +25,7 @@ from .threads import each
 Array = NDArray[np.float64]
 
 _GRID = 20  # break-away distances tried
+_WIDEST = 0.3  # of the travel: one that breaks away later hardly slips both ways
 # An element that slips only after many times the usual distance is a spring with an unknown offset in every record:
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
@@ -97,7 +98,7 @@ def _distances(observations: Sequence[Seen]) -> Array:
     if records:
         span = max(float(np.ptp(o.position)) for o in records)
         finest = 3 * min(o.record.resolution or 0.0 for o in records)
-        grids.append(np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), 0.3 * span, _GRID))
+        grids.append(np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), _WIDEST * span, _GRID))
     sizes = [o.size for o in observations if isinstance(o, FrfObservation)]
     if sizes:
         size = np.concatenate(sizes)
@@ -154,8 +155,7 @@ def _visible_weakening(law: Effect, observations: Sequence[Seen]) -> tuple[float
 def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
     stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
     total = float(level.sum())
-    longest = LONGEST_BREAK_AWAY * weighted_median(level / stiffness, level)
-    softest = float(level.mean()) / longest
+    softest = float(level.mean()) / longest_break_away(level / stiffness, level, observations)
     step = min(o.sample_time for o in observations)
     duration = max(o.duration for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
@@ -172,6 +172,19 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))
         limits["gms.static"] = (0.0, max(hardest - total, 0.1 * total), above)  # its coordinate: above the other level
     return limits
+
+
+def longest_break_away(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
+    """The longest break-away distance that these observations let an element of friction have, beside these others.
+
+    What hardly slips in the travel of any record does not say what is usual: it would make room for itself.
+    """
+    records = [o for o in observations if isinstance(o, Observation)]
+    if not records:
+        return _latest(distances, levels, [o for o in observations if isinstance(o, FrfObservation)])
+    slips = distances <= _WIDEST * max(float(np.ptp(o.position)) for o in records)
+    weights = np.where(slips, levels, 0.0) if levels[slips].any() else levels
+    return LONGEST_BREAK_AWAY * weighted_median(distances, weights)
 
 
 def _typical(effect: Effect, scales: Scales) -> Effect:

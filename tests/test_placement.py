@@ -10,6 +10,7 @@ from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.placement import parted, placed
 from gms_mujoco.plant import Plant
+from gms_mujoco.starts import LONGEST_BREAK_AWAY, longest_break_away
 
 DISTANCE = np.array([2e-3, 4e-3, 12e-3, 24e-3])
 LAW = {"coulomb": LEVEL, "static": 1.1 * LEVEL, "stribeck_velocity": 0.5, "attraction": 0.5}
@@ -86,3 +87,24 @@ def test_an_element_that_stands_for_two_is_parted_into_them() -> None:
     assert better.cost(y) < 1.2 * least
     np.testing.assert_allclose(distances(better, y), DISTANCE, rtol=0.1)
     assert parted(better, y, 0.1 * better.cost(y)) is None
+
+
+def test_an_element_that_hardly_slips_is_not_parted_into_springs() -> None:
+    """Halves of halves, each as much softer, took the place of a spring that nobody had named yet."""
+    seen = observe(runs(TRUE + effects.Spring(stiffness=0.05), seconds=2.0), J)
+    soft = axis(np.array([2e-3, 4e-3, 12e-3, 50e-3]), np.array([0.3, 0.25, 0.25, 0.2]))
+    misfit = Misfit(soft, seen)
+    x = solve(misfit, misfit.settle(misfit.vector(soft)))
+    assert distances(misfit, x)[-1] > 1  # rad: what little of the spring a fit can do with one
+    assert placed(misfit, x) == (misfit, x)
+    assert parted(misfit, x, 0.02 * misfit.cost(x)) is None
+
+
+def test_what_hardly_slips_does_not_say_how_late_elements_may_slip() -> None:
+    seen = observe(runs(TRUE, seconds=0.5), J)
+    level = np.array([0.4, 0.4, 0.2])
+    usual = longest_break_away(np.array([2e-3, 4e-3, 12e-3]), level, seen)
+    assert usual == pytest.approx(LONGEST_BREAK_AWAY * 4e-3)
+    distance = np.array([2e-3, 4e-3, 12e-3, 1e3])
+    assert longest_break_away(distance, np.append(level, 9.0), seen) == pytest.approx(usual)
+    assert longest_break_away(distance[3:], level[:1], seen) == pytest.approx(LONGEST_BREAK_AWAY * 1e3)

@@ -14,6 +14,7 @@ from gms_mujoco.fit import fit_observations
 from gms_mujoco.judgement import Trial, carries
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
 from gms_mujoco.recheck import exchange
 from gms_mujoco.record import Record
 from gms_mujoco.search import Search, Step
@@ -93,6 +94,28 @@ def test_an_effect_that_stood_in_for_another_makes_room_for_it() -> None:
     assert "torque_offset" in [t.name for t in search.steps[1].others]
     exchange(search)  # and stays
     assert [s.effect for s in search.steps] == [None, "asymmetric_friction", "cogging"]
+
+
+def test_an_effect_of_fewer_parameters_that_took_as_much_is_tried_beside_the_same_friction() -> None:
+    """Two yield limits are a torque offset. The fit with the offset had ended beside worse friction."""
+    flat = HEALTHY.replace(HEALTHY["gms"].replace(static=LEVEL))
+    seen = observe(dataset(flat + effects.TorqueOffset(torque=0.3 * LEVEL)).fit, flat.inertia)
+
+    def fitted(plant: Plant) -> Trial:
+        result = fit_observations(plant, seen)
+        return Trial(plant.effects[-1].name, result, cross_validated(result.misfit, result.vector))
+
+    limits = effects.AsymmetricFriction(level=0.3, stiffening=0, dropping=0)
+    begun, chosen, simple = map(fitted, (UNKNOWN, UNKNOWN + limits, UNKNOWN + effects.TorqueOffset(torque=1e-3)))
+    simple = simple._replace(held_out=replace(simple.held_out, rows=3 * simple.held_out.rows))
+    search = Search(seen, [], UNKNOWN)
+    search.steps = [
+        Step(None, begun.result, held_out=begun.held_out),
+        Step("asymmetric_friction", chosen.result, held_out=chosen.held_out, others=(simple,)),
+    ]
+    assert search.at_floor
+    exchange(search)
+    assert [s.effect for s in search.steps] == [None, "torque_offset"]
 
 
 def test_an_effect_that_does_nothing_does_not_carry_what_was_gained_beside_it() -> None:
