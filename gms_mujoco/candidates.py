@@ -24,6 +24,7 @@ from .servo_observation import ServoObservation
 
 Array = NDArray[np.float64]
 
+_NOTHING = 1e-6  # of the strongest harmonic
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _END = 0.99  # of the most that a strength may be
@@ -102,6 +103,19 @@ def merged(one: Effect, other: Effect) -> Effect:
 def grows(effect: type[Effect]) -> bool:
     """Whether an effect is a series of harmonics, to which one more can be added."""
     return any(p.unit == "1/rev" and p.per_element for p in effect.parameters)
+
+
+def lean(effect: Effect) -> Effect:
+    """An effect without those of its harmonics that have come to nothing; at least one stays."""
+    if not grows(type(effect)):
+        return effect
+    (first, *_) = strengths(type(effect))
+    size = np.abs(np.atleast_1d(effect.values[first.name]))
+    kept = size > _NOTHING * size.max()
+    if kept.all() or not kept.any():
+        return effect
+    own = [p.name for p in effect.parameters if p.per_element]
+    return effect.replace(**{k: np.atleast_1d(effect.values[k])[kept] for k in own})
 
 
 def strengths(effect: type[Effect]) -> list[Parameter]:

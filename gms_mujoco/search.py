@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .candidates import applicable, joined
+from .candidates import applicable, joined, lean
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import EARLY_SHARE, FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
@@ -50,15 +50,21 @@ Array = NDArray[np.float64]
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_AFRESH = 3  # of them, also from the beginning
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
+_FASTER = (1.0, 0.5, 2.0)  # times the Stribeck velocity
+_STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "asymmetric_friction": (
         {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0}
-    )
+    ),
+    "load_dependent_friction": _STIFFENING,
+    "position_dependent_friction": _STIFFENING,
+    "thermal_drift": _STIFFENING,
 }  # fmt: skip
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
@@ -148,51 +154,79 @@ class Search:
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *self._tried(current, c)))
         rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
-        rough.sort(key=lambda t: left_of(t[1], t[2]))
+        trials = self._trials(rough, p_values, report)
+        self.hint = ""
+        if self._reads_a_ring(trials):
+            swinging = [name for name, plant in plants.items() if swings(plant[name])]
+            p_values |= dict.fromkeys(swinging, 1.0)
+            promising = [c for c in promising if c.effect.name not in swinging]
+        new = [c for c in promising if c.effect.name not in current.plant]
+        fits = {name: (misfit, x) for name, misfit, x in reversed(rough)}
+        added = self._accept(trials, p_values) or self._accept_two(screen, new, fits, trials, p_values)
+        if not added and (begun := self._afresh(new, report)):
+            trials += self._trials(begun, p_values, report)
+            added = self._accept(trials, p_values)
+        plants |= {name: r.plant for name, r, _ in trials}
+        self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
+        return added
+
+    def _trials(
+        self, rough: Sequence[tuple[str, Misfit, Array]], p_values: dict[str, float], report: Progress
+    ) -> list[Trial]:
+        """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
+        rough = sorted(rough, key=lambda t: left_of(t[1], t[2]))
         if self.simulated:
             # A few runs that fall to the other side may carry a fit, and hold nowhere else: what passes the test of the
             # screen is refitted before what fits best.
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
+        current = self.steps[-1].result
         for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = self._refitted(misfit, x)
             if i == 0:
                 result = self.best(result)
+            result = _lean(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
-        plants |= {name: r.plant for name, r, _ in trials}
-        self.hint = ""
-        if self._reads_a_ring(trials):
-            swinging = [name for name, plant in plants.items() if swings(plant[name])]
-            p_values |= dict.fromkeys(swinging, 1.0)
-            promising = [c for c in promising if c.effect.name not in swinging]
-        self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
-        if self._accept(trials, p_values):
-            return True
-        new = [c for c in promising if c.effect.name not in current.plant]
-        fits = {name: (misfit, x) for name, misfit, x in reversed(rough)}
-        return self._accept_two(screen, new, fits, trials, p_values)
+        return trials
+
+    def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[tuple[str, Misfit, Array]]:
+        """Rough fits from the beginning with the candidates that promise most, of those that leave a good part less.
+
+        A plant that has bent far to hide an effect may not find back from where it is.
+        """
+        if self.at_floor or self.simulated:
+            return []
+        some = fewer(self.seen, _POINTS)
+        now = self.steps[-1].result
+        near = Misfit(now.plant, some)
+        memories = now.misfit.memories(now.vector, near.n_memory)
+        cost = near.cost(near.vector(now.plant, memories, now.misfit.skew(now.vector)))
+        out = []
+        for c in candidates[:_AFRESH]:
+            report(0.9, f"trying {c.effect.name} from the beginning")
+            for form in _forms(c.effect, now.plant):
+                misfit, x = self._begun(joined(now.plant, c.effect.replace(**form)), some, cost)
+                if misfit.cost(x) < (1 - LEAST_SHARE) * cost:
+                    out.append((c.effect.name, misfit, x))
+        return out
 
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
         """Whether a torque reading that rings explains more than an axis of which a part swings; says so in `hint`."""
-        swinging = [
-            t.held_out.total
-            for t in trials
-            if swings(t.result.plant[t.name])
-            and t.result.error > AT_FLOOR * t.result.floor
-            and self.is_worth_it(t.result, t.held_out)
-        ]
+        swinging = [t for t in trials if swings(t.result.plant[t.name]) and self.is_worth_it(t.result, t.held_out)]
         if not swinging or not all(isinstance(o, Observation) for o in self.seen):
+            return False
+        if any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
             return False
         now = self.steps[-1].result
         reading = rung(now.misfit, now.vector)
         if reading is None:
             return False
         left = cross_validated(*reading).total
-        if left > min(swinging):
+        if left > min(t.held_out.total for t in swinging):
             return False
         misfit, x = reading
         period = misfit.coordinates.decode(x[: misfit.coordinates.size])[TorqueReading.name].values["period"]
@@ -227,7 +261,7 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if self.bend() or self._early():  # what was chosen beside the wrong curve is chosen again
+        if (self.bend() and self._needless(name)) or self._early():
             self.first(lambda done, message: None)
         else:
             self.part()
@@ -299,36 +333,56 @@ class Search:
         if earned:
             self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
-            if self.bend():
+            if self.bend() and (self._needless(first) or self._needless(second)):
                 self.first(lambda done, message: None)
             else:
                 self.part()
         return earned
+
+    def _needless(self, name: str) -> bool:
+        """Whether an effect that was chosen beside another curve of friction earns no place beside this one."""
+        last = self.steps[-1]
+        alone = refine(*without(last.result, name))
+        left = cross_validated(alone.misfit, alone.vector)
+        floor = min(floor_of(alone), floor_of(last.result))
+        earned = takes(left.total, last.held_out.total, floor)
+        return not (earned and p_value(left, last.held_out) < FALSE_DISCOVERY_RATE)
 
     def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
         """p value of an effect that was added to a fit."""
         return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
     def bend(self) -> bool:
-        """Gives the Stribeck curve another exponent, which no fit frees, where friction over speed asks for it."""
+        """Gives the Stribeck curve another exponent, which no fit frees, where that takes a good part of what is left;
+        and another velocity, between which and the present one a fit may find no way.
+
+        What friction does at steady speed need not ask for it: the exponent is that of every reversal too.
+        """
         bent = False
-        if self.at_floor or not self.bent:
+        if self.at_floor or not self.timed or self.simulated:
             return bent
-        for effect in self.steps[-1].result.plant.effects:
-            for exponent in _EXPONENTS:
-                last = self.steps[-1]
-                now = last.result.plant[effect.name]
-                if now.values.get("stribeck_exponent") in (None, exponent):
-                    continue
-                other = last.result.plant.replace(now.replace(stribeck_exponent=exponent))
-                result = refine(Misfit(other, self.seen), last.result.vector)
-                held_out = cross_validated(result.misfit, result.vector)
-                if self.is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
-                    bent = True
-                    self.steps[-1] = replace(last, result=result, held_out=held_out)
-                    if effect.name in self.start:
-                        begun = self.start[effect.name]
-                        self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
+        curved = [e.name for e in self.steps[-1].result.plant.effects if "stribeck_exponent" in e.values]
+        for name, exponent, factor in itertools.product(curved, _EXPONENTS, _FASTER):
+            last = self.steps[-1]
+            now = last.result.plant[name]
+            if self.at_floor or (exponent == now.values["stribeck_exponent"] and factor == 1):
+                continue
+            velocity = factor * float(np.asarray(now.stribeck_velocity))
+            curve = now.replace(stribeck_exponent=exponent, stribeck_velocity=velocity)
+            misfit = Misfit(last.result.plant.replace(curve), self.seen)
+            memories = last.result.misfit.memories(last.result.vector, misfit.n_memory)
+            near = misfit.vector(misfit.coordinates.template, memories, last.result.misfit.skew(last.result.vector))
+            x = nudge(misfit, near)
+            if not takes(left_of(last.result.misfit, last.result.vector), left_of(misfit, x), floor_of(last.result)):
+                continue
+            result = _lean(fit_to_end(misfit, x))
+            held_out = cross_validated(result.misfit, result.vector)
+            if self.is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
+                bent = True
+                self.steps[-1] = replace(last, result=result, held_out=held_out)
+                if name in self.start:
+                    begun = self.start[name]
+                    self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
         return bent
 
     def part(self) -> None:
@@ -430,7 +484,7 @@ class Search:
         """
         some = fewer(self.seen, _POINTS)
         fits: list[tuple[Misfit, Array]] = []
-        for form in FORMS.get(candidate.effect.name, ({},)):
+        for form in _forms(candidate.effect, current.plant):
             plant = joined(current.plant, candidate.effect.replace(**form))
             misfit = Misfit(plant, some)
             memories = current.misfit.memories(current.vector, misfit.n_memory)
@@ -506,6 +560,21 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
+
+
+def _lean(result: FitResult) -> FitResult:
+    """A fit without the harmonics that it has found to be nothing."""
+    plant = replace(result.plant, effects=tuple(map(lean, result.plant.effects)))
+    misfit = Misfit(plant, result.misfit.observations)
+    if misfit.coordinates.size == result.misfit.coordinates.size:
+        return result
+    memories = result.misfit.memories(result.vector, misfit.n_memory)
+    return refine(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
+
+
+def _forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
+    """The forms of an effect, which no fit chooses from; of one that the plant has, the one that it has."""
+    return ({},) if effect.name in plant else FORMS.get(effect.name, ({},))
 
 
 def _error(result: FitResult) -> float:

@@ -177,14 +177,28 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
 def longest_break_away(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
     """The longest break-away distance that these observations let an element of friction have, beside these others.
 
-    What hardly slips in the travel of any record does not say what is usual: it would make room for itself.
+    What hardly slips in the travel of any record does not say what is usual, nor does one so much softer than the
+    others as a spring is: it would make room for itself.
     """
     records = [o for o in observations if isinstance(o, Observation)]
     if not records:
         return _latest(distances, levels, [o for o in observations if isinstance(o, FrfObservation)])
     slips = distances <= _WIDEST * max(float(np.ptp(o.position)) for o in records)
     weights = np.where(slips, levels, 0.0) if levels[slips].any() else levels
-    return LONGEST_BREAK_AWAY * weighted_median(distances, weights)
+    return LONGEST_BREAK_AWAY * _usual(distances, weights)
+
+
+def _usual(distance: Array, level: Array) -> float:
+    """The median break-away distance of the elements that are not so much softer than the others as a spring is, whose
+    level may be as large as one likes."""
+    order = np.argsort(distance)
+    distance, level = distance[order], level[order]
+    stiff = np.cumsum(level / distance)
+    for i in range(1, len(distance)):
+        usual = weighted_median(distance[:i], level[:i])
+        if stiff[i - 1] > 0.5 * stiff[-1] and distance[i] > LONGEST_BREAK_AWAY * usual:
+            return usual
+    return weighted_median(distance, level)
 
 
 def _typical(effect: Effect, scales: Scales) -> Effect:

@@ -6,7 +6,7 @@ import numpy as np
 from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.candidates import applicable, is_possible, is_present, joined, shapes
+from gms_mujoco.candidates import applicable, is_possible, is_present, joined, lean, shapes
 from gms_mujoco.fit import fit, observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.scales import Scales
@@ -76,3 +76,10 @@ def test_a_load_that_joins_a_plant_is_less_than_its_inertia() -> None:
     load = effects.find("flexible_coupling")(inertia=3 * J, frequency=50.0)
     assert 0 < joined(HEALTHY, load).driven_inertia < J
     assert joined(HEALTHY, load.replace(inertia=0.2 * J))["flexible_coupling"].inertia == 0.2 * J
+
+
+def test_an_effect_sheds_the_harmonics_that_are_nothing() -> None:
+    cogging = effects.Cogging(harmonics=[3, 5, 21], amplitude=[0.2, 1e-4, 0.0], phase=[0.1, 0.2, 0.3])
+    assert lean(cogging) == effects.Cogging(harmonics=[3, 5], amplitude=[0.2, 1e-4], phase=[0.1, 0.2])
+    for whole in (lean(cogging), cogging.replace(amplitude=[0, 0, 0]), effects.Gravity(amplitude=0.0, phase=0.1)):
+        assert lean(whole) == whole

@@ -222,10 +222,15 @@ def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() ->
     assert d.plant["gms"].stribeck_exponent == 2.0
 
 
-@pytest.mark.parametrize("form", FORMS["asymmetric_friction"], ids=str)
-def test_every_form_of_asymmetric_friction_is_named(form: dict[str, float]) -> None:
-    hidden = effects.AsymmetricFriction(level=0.25, **form)
-    d = diagnose(dataset(HEALTHY + hidden), UNKNOWN)
-    assert [e.name for e in d] == ["asymmetric_friction"]
-    found = d.plant["asymmetric_friction"]
-    assert {name: found.values[name] for name in form} == form
+MODULATING = {
+    "asymmetric_friction": effects.AsymmetricFriction(level=0.25),
+    "position_dependent_friction": effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),
+    "thermal_drift": effects.ThermalDrift(amplitude=0.5, time_constant=1.5),
+}
+
+
+@pytest.mark.parametrize("name, form", [(name, form) for name in MODULATING for form in FORMS[name]], ids=str)
+def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
+    d = diagnose(dataset(HEALTHY + MODULATING[name].replace(**form)), UNKNOWN)
+    assert [e.name for e in d] == [name]
+    assert {k: d.plant[name].values[k] for k in form} == form

@@ -6,6 +6,7 @@ void modulate(const double* p, int, const gms::Motion& m, gms::Level& level) {
   const double factor = 1 + p[0] * std::fabs(m.load);
   level.forward *= factor;
   level.backward *= factor;
+  if (p[1] == 0) level.stiffens = false;
 }
 
 }  // namespace
@@ -20,11 +21,13 @@ const gms::Effect gms_effect_load_dependent_friction = {
     "the rotor and friction take, or the same, what the link needs. It is the signal `load` of a record (of a robot's\n"
     "joint by inverse dynamics, the armature of the model being the rotor) and in MuJoCo what actuators, friction\n"
     "and damping gave in the step before, less armature times acceleration.\n"
+    "The stiffness of `gms` follows its level, or with s = 0 stays.\n"
     "Source: load-dependent friction of robot joints, Bittencourt and Gunnarsson, ASME J. Dyn. Sys. Meas. Control\n"
     "134 (2012).",
     "The torque error follows the sign of velocity with a height that follows the load.",
     "The same runs under several loads, in both directions: the load has to differ at the same speed.",
-    {{"coefficient", "1/(N m)", 0, 0, gms::kInfinity, false, true, "c"}},
+    {{"coefficient", "1/(N m)", 0, 0, gms::kInfinity, false, true, "c"},
+     {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness grows with the level; 0: the level alone"}},
     nullptr,
     nullptr,
     nullptr,

@@ -1,0 +1,56 @@
+"""A torque reading that rings, beside an axis of which a part swings."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from bench import HEALTHY, SAMPLE_TIME, UNKNOWN, J, runs
+from scipy import signal
+
+from gms_mujoco import effects
+from gms_mujoco.effect import Effect
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.judgement import AT_FLOOR, Trial
+from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.observe import observe
+from gms_mujoco.reading import rung
+from gms_mujoco.record import Record
+from gms_mujoco.search import Search
+
+FREQUENCY = 70.0  # Hz
+
+
+def _read(record: Record, damping: float = 0.2) -> Record:
+    """The torque of a record, as a sensor shows it that swings on its own compliance."""
+    w = 2 * math.pi * FREQUENCY
+    above, below, _ = signal.cont2discrete(([w**2], [1, 2 * damping * w, w**2]), SAMPLE_TIME)
+    return replace(record, signals={**record.signals, "torque": signal.lfilter(above.ravel(), below, record.torque)})
+
+
+def test_a_reading_that_rings_is_seen_at_its_frequency() -> None:
+    result = fit_observations(UNKNOWN, observe([_read(r) for r in runs(HEALTHY)], J))
+    found = rung(result.misfit, result.vector)
+    assert found is not None
+    misfit, x = found
+    period = misfit.coordinates.decode(x[: misfit.coordinates.size])["torque_reading"].values["period"]
+    assert 1 / (2 * math.pi * float(period)) == pytest.approx(FREQUENCY, rel=0.15)  # type: ignore[arg-type]
+    assert misfit.cost(x) < 0.1 * result.misfit.cost(result.vector)
+
+
+def test_an_axis_of_which_a_part_swings_is_no_reading_that_rings() -> None:
+    """One effect that swings and explains all is enough, however little another one does that swings too."""
+    coupling = effects.FlexibleCoupling(inertia=0.3 * J, frequency=2 * FREQUENCY, damping=0.05)
+    search = Search(observe(runs(HEALTHY + coupling), J), [], UNKNOWN)
+    search.first(lambda done, message: None)
+    friction = search.steps[0].result.plant
+
+    def trial(effect: Effect, *fixed: str) -> Trial:
+        result = fit_observations(friction + effect, search.seen, fixed)
+        return Trial(effect.name, result, cross_validated(result.misfit, result.vector))
+
+    true = trial(coupling)
+    held = "flexible_coupling.inertia", "flexible_coupling.damping"
+    other = trial(coupling.replace(inertia=0.05 * J, damping=0.3), *held)
+    assert true.result.error < AT_FLOOR * true.result.floor < other.result.error
+    assert search._reads_a_ring([other]), "what explains little has to beat a reading"
+    assert not search._reads_a_ring([true, other])
