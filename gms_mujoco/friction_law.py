@@ -91,7 +91,7 @@ class FrictionLaw:
             search.first(lambda done, message: None)
         else:
             search.steps = [Step(None, trial.result, held_out=trial.held_out)]
-            search.bend()
+            search.shape()
 
 
 def much_better(search: Search, other: Search, name: str) -> str:

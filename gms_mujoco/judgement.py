@@ -116,6 +116,30 @@ def takes(before: float, after: float, floor: float, share: float = LEAST_SHARE)
     return bool(before - after > max(share * (before - floor), LEAST_GAIN * before))
 
 
+def at_floor(result: FitResult, held_out: HeldOut) -> bool:
+    """Whether what a fit leaves on held-out blocks is as good as noise."""
+    return bool(held_out.total <= AT_FLOOR**2 * floor_of(result))
+
+
+def is_worth_it(
+    now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float = LEAST_SHARE
+) -> bool:
+    """Whether a fit takes a good part of what noise does not explain of another; at the noise floor, of everything.
+
+    What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
+    more harmonic of an effect that is there already, no new cause, asks for no `share`.
+
+    What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
+    the noise is less says nothing for an effect.
+    """
+    if not at_floor(now, before):
+        return takes(before.total, after.total, min(floor_of(now), floor_of(result)), share)
+    if not takes(before.total, after.total, 0.0, share):
+        return False
+    quieter = max(floor_of(now, result.noise) - floor_of(result), 0.0)
+    return takes(before.total, after.total + quieter, 0.0, share)
+
+
 def residual_of(result: FitResult) -> HeldOut:
     """What a fit leaves where the motion determines friction, for a drive that delivers everything."""
     misfit = result.misfit

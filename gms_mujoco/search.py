@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .candidates import applicable, joined, lean
+from .candidates import applicable, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import EARLY_SHARE, FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
 from .frf_observation import Seen
+from .friction_shape import more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .judgement import (
@@ -24,10 +25,12 @@ from .judgement import (
     FINALISTS,
     LEAST_SHARE,
     Trial,
+    at_floor,
     carries,
     discoveries,
     finalists,
     floor_of,
+    is_worth_it,
     least_share,
     left_of,
     simplest,
@@ -39,7 +42,6 @@ from .judgement import (
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
-from .placement import parted
 from .plant import Plant
 from .reading import TorqueReading, rung
 from .screen import Candidate, Screen
@@ -51,12 +53,7 @@ MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _AFRESH = 3  # of them, also from the beginning
-_MOST_ELEMENTS = 16  # of friction
-_COARSE = 0.01  # of the torque: what too few elements of friction may leave
-_PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 _POINTS = 80  # of frequency responses that contenders are fitted to
-_EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
-_FASTER = (1.0, 0.5, 2.0)  # times the Stribeck velocity
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "asymmetric_friction": (
@@ -127,7 +124,7 @@ class Search:
     @property
     def at_floor(self) -> bool:
         """Whether what the current plant leaves on held-out blocks is as good as noise."""
-        return bool(self.held_out.total <= AT_FLOOR**2 * floor_of(self.steps[-1].result))
+        return at_floor(self.steps[-1].result, self.held_out)
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
@@ -135,8 +132,7 @@ class Search:
             result = fit_observations(self.start, early, progress=report)
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
-        self.bend()
-        self.part()
+        self.shape()
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
@@ -187,7 +183,7 @@ class Search:
             result = self._refitted(misfit, x)
             if i == 0:
                 result = self.best(result)
-            result = _lean(result)
+            result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
@@ -261,10 +257,8 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if (self.bend() and self._needless(name)) or self._early():
+        if (self.shape() and self._needless(name)) or self._early():
             self.first(lambda done, message: None)
-        else:
-            self.part()
         return True
 
     def _accept_two(
@@ -333,10 +327,8 @@ class Search:
         if earned:
             self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
-            if self.bend() and (self._needless(first) or self._needless(second)):
+            if self.shape() and (self._needless(first) or self._needless(second)):
                 self.first(lambda done, message: None)
-            else:
-                self.part()
         return earned
 
     def _needless(self, name: str) -> bool:
@@ -352,58 +344,19 @@ class Search:
         """p value of an effect that was added to a fit."""
         return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
-    def bend(self) -> bool:
-        """Gives the Stribeck curve another exponent, which no fit frees, where that takes a good part of what is left;
-        and another velocity, between which and the present one a fit may find no way.
-
-        What friction does at steady speed need not ask for it: the exponent is that of every reversal too.
-        """
-        bent = False
-        if self.at_floor or not self.timed or self.simulated:
-            return bent
-        curved = [e.name for e in self.steps[-1].result.plant.effects if "stribeck_exponent" in e.values]
-        for name, exponent, factor in itertools.product(curved, _EXPONENTS, _FASTER):
-            last = self.steps[-1]
-            now = last.result.plant[name]
-            if self.at_floor or (exponent == now.values["stribeck_exponent"] and factor == 1):
-                continue
-            velocity = factor * float(np.asarray(now.stribeck_velocity))
-            curve = now.replace(stribeck_exponent=exponent, stribeck_velocity=velocity)
-            misfit = Misfit(last.result.plant.replace(curve), self.seen)
-            memories = last.result.misfit.memories(last.result.vector, misfit.n_memory)
-            near = misfit.vector(misfit.coordinates.template, memories, last.result.misfit.skew(last.result.vector))
-            x = nudge(misfit, near)
-            if not takes(left_of(last.result.misfit, last.result.vector), left_of(misfit, x), floor_of(last.result)):
-                continue
-            result = _lean(fit_to_end(misfit, x))
-            held_out = cross_validated(result.misfit, result.vector)
-            if self.is_worth_it(result, held_out) and p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE:
-                bent = True
-                self.steps[-1] = replace(last, result=result, held_out=held_out)
-                if name in self.start:
-                    begun = self.start[name]
-                    self.start = self.start.replace(begun.replace(stribeck_exponent=exponent))
-        return bent
-
-    def part(self) -> None:
-        """Gives friction more elements where the little that is left asks for them: no law of a few is any finer."""
-        for _ in range(_MOST_ELEMENTS):
-            last = self.steps[-1]
-            now = last.result
-            if self.at_floor or now.error > _COARSE or now.score.of != "torque" or not self.timed:
-                return
-            if "gms" not in now.plant or now.plant["gms"].elements >= _MOST_ELEMENTS:
-                return
-            floor, cost = floor_of(now), left_of(now.misfit, now.vector)
-            finer = parted(now.misfit, now.vector, _PARTED * max(cost - floor, 0.0))
-            if finer is None:
-                return
-            result = refine(*finer)
-            held_out = cross_validated(result.misfit, result.vector)
-            passes = p_value(self.held_out, held_out) < FALSE_DISCOVERY_RATE
-            if not (passes and self.is_worth_it(result, held_out, _PARTED)):
-                return
-            self.steps[-1] = replace(last, result=result, held_out=held_out)
+    def shape(self) -> bool:
+        """Gives friction another Stribeck curve and more elements where they earn it; whether the curve is another."""
+        last = self.steps[-1]
+        if self.simulated or not self.timed:
+            return False
+        bent, left = other_curve(last.result, last.held_out)
+        result, held_out = more_elements(bent, left)
+        self.steps[-1] = replace(last, result=result, held_out=held_out)
+        for e in self.start.effects:
+            if "stribeck_exponent" in e.values and e.name in result.plant:
+                exponent = result.plant[e.name].values["stribeck_exponent"]
+                self.start = self.start.replace(e.replace(stribeck_exponent=exponent))
+        return bent is not last.result
 
     def _early(self, share: float = EARLY_SHARE) -> bool:
         """Lets torques act before their rows, where that explains what an effect has hidden, or may stand for."""
@@ -412,21 +365,8 @@ class Search:
         return early is not None
 
     def is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
-        """Whether an effect takes a good part of what noise does not explain; at the noise floor, of everything.
-
-        What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
-        more harmonic of an effect that is there already, no new cause, asks for no `share`.
-
-        What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
-        the noise is less says nothing for an effect.
-        """
-        now = self.steps[-1].result
-        if not self.at_floor:
-            return takes(self.held_out.total, held_out.total, min(floor_of(now), floor_of(result)), share)
-        if not takes(self.held_out.total, held_out.total, 0.0, share):
-            return False
-        quieter = max(floor_of(now, result.noise) - floor_of(result), 0.0)
-        return takes(self.held_out.total, held_out.total + quieter, 0.0, share)
+        """Whether a fit with one effect more takes enough of what the current plant leaves; see `judgement`."""
+        return is_worth_it(self.steps[-1].result, self.held_out, result, held_out, share)
 
     def _beyond_speed(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
         """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
@@ -560,16 +500,6 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
-
-
-def _lean(result: FitResult) -> FitResult:
-    """A fit without the harmonics that it has found to be nothing."""
-    plant = replace(result.plant, effects=tuple(map(lean, result.plant.effects)))
-    misfit = Misfit(plant, result.misfit.observations)
-    if misfit.coordinates.size == result.misfit.coordinates.size:
-        return result
-    memories = result.misfit.memories(result.vector, misfit.n_memory)
-    return refine(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
 
 
 def _forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:

@@ -31,6 +31,7 @@ LAYERS = [
     {"linear_model"},
     {"screen", "elements", "remainder", "custom", "goals"},
     {"reading", "judgement"},
+    {"friction_shape"},
     {"search"},
     {"recheck", "friction_law"},
     {"diagnose"},

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gms_mujoco import effects, search
+from gms_mujoco import effects, judgement
 from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
 from gms_mujoco.plant import Plant
 
@@ -46,8 +46,8 @@ def test_at_the_floor_less_noise_is_no_explanation(monkeypatch: Any, quieter: fl
     now: Any
     result: Any
     now, result = SimpleNamespace(), SimpleNamespace(noise=None)
-    monkeypatch.setattr(search, "floor_of", lambda r, noise=None: 40.0 + quieter * (r is now))
-    left = SimpleNamespace(total=100.0)
-    state: Any = SimpleNamespace(at_floor=True, held_out=left, steps=[SimpleNamespace(result=now)])
-    held_out: Any = SimpleNamespace(total=60.0)
-    assert search.Search.is_worth_it(state, result, held_out) == worth
+    monkeypatch.setattr(judgement, "floor_of", lambda r, noise=None: 60.0 + quieter * (r is now))
+    before: Any = SimpleNamespace(total=100.0)
+    after: Any = SimpleNamespace(total=60.0)
+    assert judgement.at_floor(now, before)
+    assert judgement.is_worth_it(now, before, result, after) == worth

@@ -1,0 +1,88 @@
+"""The shape of a plant's own friction, where a fit does not find it: another Stribeck curve, more elements."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from .candidates import lean
+from .fit import FitResult, fit_to_end, refine
+from .held_out import HeldOut, p_value
+from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, left_of, takes
+from .least_squares import nudge
+from .linear_model import cross_validated
+from .misfit import Misfit
+from .placement import parted
+
+_EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
+_FASTER = (1.0, 0.5, 2.0)  # times the Stribeck velocity
+_MOST_ELEMENTS = 16  # of friction
+_COARSE = 0.01  # of the torque: what too few elements of friction may leave
+_PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
+
+
+def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with another exponent of the Stribeck curve, which no fit frees, or from another velocity, between which
+    and the present one a fit may find no way; the same where none takes a good part of what is left.
+
+    What friction does at steady speed need not ask for it: the curve is that of every reversal too.
+
+    Args:
+        now, left: the fit, and what it leaves on held-out blocks.
+    """
+    curved = [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]
+    for name, exponent, factor in itertools.product(curved, _EXPONENTS, _FASTER):
+        law = now.plant[name]
+        if at_floor(now, left):
+            break
+        if exponent == law.values["stribeck_exponent"] and factor == 1:
+            continue
+        velocity = factor * float(np.asarray(law.stribeck_velocity))
+        plant = now.plant.replace(law.replace(stribeck_exponent=exponent, stribeck_velocity=velocity))
+        misfit = Misfit(plant, now.misfit.observations)
+        memories = now.misfit.memories(now.vector, misfit.n_memory)
+        x = nudge(misfit, misfit.vector(plant, memories, now.misfit.skew(now.vector)))
+        if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
+            continue
+        now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
+    return now, left
+
+
+def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with as many elements of friction as the little that is left asks for: no law of a few is any finer.
+
+    Args:
+        now, left: the fit, and what it leaves on held-out blocks.
+    """
+    while not at_floor(now, left) and now.error <= _COARSE and now.score.of == "torque":
+        if "gms" not in now.plant or now.plant["gms"].elements >= _MOST_ELEMENTS:
+            break
+        floor, cost = floor_of(now), left_of(now.misfit, now.vector)
+        finer = parted(now.misfit, now.vector, _PARTED * max(cost - floor, 0.0))
+        if finer is None:
+            break
+        before = now
+        now, left = _better(now, left, refine(*finer), _PARTED)
+        if now is before:
+            break
+    return now, left
+
+
+def without_idle(result: FitResult) -> FitResult:
+    """A fit without the harmonics that it has found to be nothing."""
+    plant = replace(result.plant, effects=tuple(map(lean, result.plant.effects)))
+    misfit = Misfit(plant, result.misfit.observations)
+    if misfit.coordinates.size == result.misfit.coordinates.size:
+        return result
+    memories = result.misfit.memories(result.vector, misfit.n_memory)
+    return refine(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
+
+
+def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> tuple[FitResult, HeldOut]:
+    """The other fit with what it leaves, where it is worth that; else the present one."""
+    held_out = cross_validated(result.misfit, result.vector)
+    if is_worth_it(now, left, result, held_out, share) and p_value(left, held_out) < FALSE_DISCOVERY_RATE:
+        return result, held_out
+    return now, left
