@@ -203,6 +203,27 @@ def test_a_static_law_sticks_and_slips_as_under_the_plugin():
     np.testing.assert_array_equal(friction.state.numpy(), state)
 
 
+def test_worlds_have_static_friction_of_their_own():
+    """The weakest slides where the strongest holds, each as under the plug-in; one that is reset begins anew."""
+    factors = np.array([0.5, 1.0, 2.0])
+    m, d, friction = put(axis(DRY)[0])
+    law = DRY["coulomb"]
+    friction.set("shaft", {"coulomb.coulomb": law.coulomb * factors})
+    torque = stick_slip(200)
+    found = drive(m, d, torque)
+    assert np.ptp(found[:, 0]) > 2 * np.ptp(found[:, 2])
+    for world, factor in enumerate(factors):
+        model, data = axis(DRY.replace(law.replace(coulomb=law.coulomb * factor)))
+        truth = []
+        for u in torque:
+            truth.append(data.qpos[0])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data)
+        np.testing.assert_allclose(found[:, world], truth, atol=1e-6)
+    mjw.reset_data(m, d, wp.array([False, True, False], dtype=bool))
+    np.testing.assert_array_equal(drive(m, d, torque)[:, 1], found[:, 1])
+
+
 def test_static_joints_of_an_arm_are_solved_for_together():
     """Each holds, with a torque inside its level, or slides at its level, and all move as under the plug-in."""
     level = np.array([20.0, 15, 10, 8, 3, 2, 1])
