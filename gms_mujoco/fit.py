@@ -134,10 +134,10 @@ def fit(
     driven(plant, data)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
-    found = fit_observations(plant, observations, fixed, report)
-    if early := acting_early(found, fixed):
-        found = fit_observations(plant, early, fixed)
-    found = finished(found)
+    misfit, x = _fit(plant, observations, fixed, report)
+    if _pressing(misfit, x) and (early := acting_early(_result(misfit, x), fixed)):
+        misfit, x = _fit(plant, early, fixed)
+    found = _finished(misfit, x)
     report(1.0, found.status)
     return found
 
@@ -150,12 +150,24 @@ def fit_observations(
     below: float = math.inf,
 ) -> FitResult:
     """`fit` on records that are already seen through a band, near enough to judge it; see `refine` for `below`."""
+    return _result(*_fit(plant, observations, fixed, progress, below))
+
+
+def _fit(
+    plant: Plant,
+    observations: Sequence[Seen],
+    fixed: Collection[str] = (),
+    progress: Progress | None = None,
+    below: float = math.inf,
+) -> tuple[Misfit, Array]:
     report = progress or (lambda done, message: None)
     misfit, x = rough_fit(plant, observations, fixed, report, below)
     report(0.5, "refining")
-    found = fit_to_end(misfit, x, fixed, 40, below)
-    again = _doubting(found)
-    return refine(Misfit(found.plant, again, fixed), found.vector) if again else found
+    misfit, x = _to_end(misfit, x, fixed, 40, below)
+    if again := _doubting(misfit, x):
+        misfit = Misfit(misfit.plant(x), again, fixed)
+        x = _refined(misfit, x)
+    return misfit, x
 
 
 def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -171,13 +183,10 @@ def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = E
         share: of the squared error above the noise floor, that torques before their rows have to take.
     """
     misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
-    sensed = any(isinstance(o, Observation) and o.record.sensed for o in misfit.observations)
-    lower, upper = misfit.bounds
-    if not misfit.n_skew or lower[n] == 0 or lower[n] < -misfit.most_skew:
+    side = _pressing(misfit, x)
+    if not side:
         return None
-    late = sensed and x[n] >= 0.99 * upper[n]
-    if x[n] > 0.99 * lower[n] and not late:
-        return None
+    late = side > 0
     rows, residual = misfit.jacobian(x), misfit.residual(x)
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     others = np.delete(rows / scale, n, axis=1)
@@ -192,6 +201,17 @@ def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = E
     return early if left - float(np.sum(again.misfit.residual(again.vector) ** 2)) > enough else None
 
 
+def _pressing(misfit: Misfit, x: Array) -> int:
+    """-1 where torques would act earlier than their rows, if they might, 1 where ones that were read would later; 0."""
+    sensed = any(isinstance(o, Observation) and o.record.sensed for o in misfit.observations)
+    n, (lower, upper) = misfit.coordinates.size, misfit.bounds
+    if not misfit.n_skew or lower[n] == 0 or lower[n] < -misfit.most_skew:
+        return 0
+    if sensed and x[n] >= 0.99 * upper[n]:
+        return 1
+    return -1 if x[n] <= 0.99 * lower[n] else 0
+
+
 def _habit(misfit: Misfit, x: Array) -> str:
     """A sentence on torques that acted at another instant than their rows say; "" where they did not."""
     sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
@@ -204,12 +224,14 @@ def _habit(misfit: Misfit, x: Array) -> str:
     return f"Torques acted {by} before their rows say, as those do that are measured after they have acted: allowed for"
 
 
-def _doubting(found: FitResult) -> list[Seen] | None:
+def _doubting(misfit: Misfit, x: Array) -> list[Seen] | None:
     """The observations with less trust in points of responses that stand alone; None where none does."""
-    seen = found.misfit.observations
-    parts = np.split(found.misfit.residual(found.vector), found.misfit.splits)
+    seen = misfit.observations
+    if not any(isinstance(o, FrfObservation) for o in seen):
+        return None
+    parts = np.split(misfit.residual(x), misfit.splits)
     frfs = [(o, r) for o, r in zip(seen, parts, strict=True) if isinstance(o, FrfObservation)]
-    doubted = without_outliers([o for o, _ in frfs], [r for _, r in frfs]) if frfs else None
+    doubted = without_outliers([o for o, _ in frfs], [r for _, r in frfs])
     return [o for o in seen if not isinstance(o, FrfObservation)] + list(doubted) if doubted else None
 
 
@@ -234,7 +256,7 @@ def rough_fit(
         x = _agreed(misfit, x, 20, common)
         cost = misfit.cost(x)
         if best is None or cost < best[0]:
-            best = cost, misfit.coordinates.decode(x[: misfit.coordinates.size])
+            best = cost, misfit.plant(x)
     assert best is not None
     misfit = Misfit(best[1], observations, fixed)
     return misfit, nudge(misfit, misfit.vector(best[1]))
@@ -253,11 +275,15 @@ def fit_to_end(
     misfit: Misfit, x: Array, fixed: Collection[str] = (), max_steps: int = 20, below: float = math.inf
 ) -> FitResult:
     """The fit that a rough one leads to, with friction elements where they do most; see `refine`."""
+    return _result(*_to_end(misfit, x, fixed, max_steps, below))
+
+
+def _to_end(misfit: Misfit, x: Array, fixed: Collection[str], max_steps: int, below: float) -> tuple[Misfit, Array]:
     x = _near(misfit, x, max_steps, below)
     better, there = placed(misfit, x, fixed)
     if better is not misfit:
         x = _near(better, there, max_steps, below)
-    return _result(better, _agreed(better, x, max_steps // 2))
+    return better, _agreed(better, x, max_steps // 2)
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> FitResult:
@@ -268,7 +294,11 @@ def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.in
         max_steps: at most so many derivatives at a time.
         below: a squared residual that is of use [N^2 m^2]; a fit that does not get there may end anywhere.
     """
-    return _result(misfit, _agreed(misfit, _near(misfit, x, max_steps, below), max_steps // 2))
+    return _result(misfit, _refined(misfit, x, max_steps, below))
+
+
+def _refined(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> Array:
+    return _agreed(misfit, _near(misfit, x, max_steps, below), max_steps // 2)
 
 
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
@@ -279,14 +309,17 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     return solve(wide, x, max_steps, below=below)
 
 
-def finished(found: FitResult, max_steps: int = 20) -> FitResult:
+def finished(found: FitResult) -> FitResult:
     """The same fit, until no step would move it by much of an interval, with these intervals."""
-    misfit, x = found.misfit, found.vector
+    return _finished(found.misfit, found.vector)
+
+
+def _finished(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
         for _ in range(2):
             x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / len(misfit.residual(x)))
-        found = _result(misfit, _agreed(misfit, x, max_steps // 2))
-    return with_covariance(found)
+        x = _agreed(misfit, x, max_steps // 2)
+    return with_covariance(_result(misfit, x))
 
 
 def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
@@ -309,7 +342,7 @@ def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
 
 def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list[Array]:
     """Of each observation the residual that noise like this would leave, no louder than what is left."""
-    plant, rng = misfit.coordinates.decode(x[: misfit.coordinates.size]), np.random.default_rng(0)
+    plant, rng = misfit.plant(x), np.random.default_rng(0)
     return [
         believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
         for i, (o, left) in enumerate(zip(misfit.observations, np.split(residual, misfit.splits), strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -32,6 +33,14 @@ class Path:
     def elements(self, joint: native.Joint, effect: int, memory: Array | None = None) -> Array:
         """(N, elements) torque of each element of one effect at the instants [N m]."""
         return joint.elements(effect, self.time, self.position, self.velocity, self.load, self.temperature, memory)
+
+    def changes(
+        self, joints: Sequence[native.Joint], memories: Sequence[Array] | None, band: series.Band, effect: int,
+        apart: int,
+    ) -> Array:  # fmt: skip
+        """What `series.changes` says of this motion."""
+        motion = self.time, self.position, self.velocity, self.load, self.temperature
+        return series.changes(joints, *motion, memories, band, effect, apart)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ sides then pass the same zero-phase low-pass, which sets the bandwidth in which 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -378,6 +379,26 @@ class Observation:
         grid = grid or self.grid(plant, memory)
         return self._banded(grid, self._path(plant, grid).elements(joint, effect, memory))
 
+    def changes(
+        self, plant: Plant, joints: Sequence[native.Joint], memories: Sequence[Array | None], grid: Grid | None = None,
+        effect: int = 0, apart: int = 0,
+    ) -> Array:  # fmt: skip
+        """Band-limited differences of the torques of joints with the same effects from that of the first, on the motion
+        that `plant` sees; see `series.changes`.
+
+        Args:
+            memories: state of each before the first sample.
+            others as for `elements`.
+        """
+        grid = grid or self.grid(plant, memories[0])
+        if isinstance(grid, Sparse):
+            band = series.Band(grid.kernel, 1, grid.stride, len(self.index))
+        else:
+            first = int(self.index[0]) - self._half
+            band = series.Band(self._kernel, first, self.stride, len(self.index), grid.instants)
+        known = [m for m in memories if m is not None]
+        return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
+
     def _banded(self, grid: Grid, torque: Array) -> Array:
         """(m,) or (columns, m) band-limited values of torques (N,) or (N, columns) at the instants of a grid."""
         return grid.band(torque, len(self.index)) if isinstance(grid, Sparse) else self.band(grid.mean(torque))
@@ -413,10 +434,14 @@ class Observation:
 
     def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""
-        return plant.driven_inertia * self.seen_by(plant).acceleration - self.replay(plant, memory, grid)
+        return plant.driven_inertia * self.accelerated(plant) - self.replay(plant, memory, grid)
+
+    def accelerated(self, plant: Plant) -> Array:
+        """(m,) band-limited acceleration, as the plant's sensor tells it [rad/s^2]."""
+        return self.seen_by(plant).acceleration
 
     def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, Grid]:
         """What `needed` says, and the instants that it took."""
         mean, instants = self.seen_by(plant)._mean(plant.joint(), memory)
         replayed = self.band(mean) - self.rigid
-        return plant.driven_inertia * self.seen_by(plant).acceleration - replayed, Grid(instants)
+        return plant.driven_inertia * self.accelerated(plant) - replayed, Grid(instants)

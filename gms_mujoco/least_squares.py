@@ -49,7 +49,7 @@ def solve(
     for _ in range(max_steps if len(columns) else 0):
         prior = misfit.prior * squared(r) / len(r)  # what is left says how much the data tell
         cost = squared(r) + float(prior @ x**2)
-        jacobian = misfit.jacobian(x, columns)[:, columns]
+        jacobian = misfit.jacobian(x, columns).T[columns].T
         gradient = gram(jacobian, r) + prior[columns] * x[columns]
         hessian = gram(jacobian, jacobian) + np.diag(prior[columns])
         push = np.zeros(misfit.size)

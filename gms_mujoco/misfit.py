@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -13,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import Coordinates
+from .derivatives import jacobian
 from .effect import Effect
 from .first_state import search_state
 from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
 from .inverse import SKEW, Observation
-from .native import Joint
 from .plant import Plant
 from .scales import Scales
 from .servo_observation import ServoObservation
@@ -33,7 +32,6 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by less, the data do not see
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
-_SPIKE = 8.0  # times its root mean square, above which a derivative is looked at from the other side too
 _IMPOSSIBLE = 1e3  # times the torque
 
 
@@ -64,6 +62,7 @@ class Misfit:
         self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)))
         self.coarse = coarse
         self.set_grids: list[Grid | None] | None = None
+        self.slope_grids: list[Grid | None] | None = None
         self.set_steps: Array | None = None
         self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
@@ -79,13 +78,13 @@ class Misfit:
         """Sets what is to be explained; frequency responses that follow each other are worked on together."""
         self.observations = tuple(observations)
         # Each with the number of its first observation.
-        self._seen: list[tuple[int, Observation | ServoObservation | Together]] = []
+        self.pieces: list[tuple[int, Observation | ServoObservation | Together]] = []
         for is_frf, group in groupby(enumerate(self.observations), lambda o: isinstance(o[1], FrfObservation)):
             some = list(group)
             if is_frf:
-                self._seen.append((some[0][0], Together(tuple(o for _, o in some if isinstance(o, FrfObservation)))))
+                self.pieces.append((some[0][0], Together(tuple(o for _, o in some if isinstance(o, FrfObservation)))))
             else:
-                self._seen += [(i, o) for i, o in some if not isinstance(o, FrfObservation)]
+                self.pieces += [(i, o) for i, o in some if not isinstance(o, FrfObservation)]
 
     @property
     def n_common(self) -> int:
@@ -133,10 +132,15 @@ class Misfit:
         lower, upper = self.bounds
         return ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0))
 
+    def states(self, i: int) -> tuple[int, int]:
+        """Where the state before observation i begins and ends in the vector."""
+        begin, end = self._states[i]
+        return self.n_common + begin, self.n_common + end
+
     def memory(self, x: Array, i: int) -> Array | None:
         """(n_memory,) state before observation i; None: the elements have never moved."""
-        begin, end = self._states[i]
-        return x[self.n_common + begin : self.n_common + end] if end > begin else None
+        begin, end = self.states(i)
+        return x[begin:end] if end > begin else None
 
     def memories(self, x: Array, n: int) -> list[Array]:
         """States before each observation, made n long with zeros for effects that this plant does not have yet."""
@@ -174,11 +178,11 @@ class Misfit:
 
         Where the bodies behind couplings are more than the whole axis it is very large: there is no such plant.
         """
-        plant, skew = self._plant(x), self.skew(x)
+        plant, skew = self.plant(x), self.skew(x)
         impossible = plant.driven_inertia <= 0
 
         def one(k: int) -> tuple[Array, Grid | None]:
-            i, o = self._seen[k]
+            i, o = self.pieces[k]
             memory = self.memory(x, i)
             grid = o.sparse if self.set_grids is None else self.set_grids[k]
             if impossible:
@@ -189,7 +193,7 @@ class Misfit:
                 needed, grid = o.look(plant, memory)
             return o.applied(plant, skew) - needed, grid
 
-        parts = each(one, range(len(self._seen)))
+        parts = each(one, range(len(self.pieces)))
         self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
         return np.concatenate([r for r, _ in parts])
 
@@ -204,9 +208,12 @@ class Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
 
         Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.
+        Its derivatives, which say where to go and not how far, are taken at the usual ones.
         """
-        plant, out = self._plant(x), copy(self)
-        out.set_grids = [o.grid(plant, self.memory(x, i), finer) for i, o in self._seen]
+        plant, out = self.plant(x), copy(self)
+        out.slope_grids, out.set_grids = (
+            [o.grid(plant, self.memory(x, i), error) for i, o in self.pieces] for error in (1.0, finer)
+        )
         out._looked, out._before = (np.empty(0), []), {}
         return out
 
@@ -220,7 +227,7 @@ class Misfit:
         A drive that delivers less leaves less to explain, at a limit of zero nothing: squared residuals of plants with
         different drives are compared after division by it.
         """
-        plant = self._plant(x)
+        plant = self.plant(x)
         if not plant.drive:
             return 1.0
         undriven = replace(plant, effects=tuple(e for e in plant.effects if e not in plant.drive))
@@ -228,10 +235,11 @@ class Misfit:
         delivered, commanded = np.sum(powers, 0)
         return float(np.clip(delivered / commanded, 1e-9, 1.0)) if commanded > 0 else 1.0
 
-    def _plant(self, x: Array) -> Plant:
+    def plant(self, x: Array) -> Plant:
+        """The plant at a vector."""
         return self.coordinates.decode(x[: self.coordinates.size])
 
-    def _grids(self, x: Array) -> list[Grid | None]:
+    def grids(self, x: Array) -> list[Grid | None]:
         """The instants at which the torques of each observation are taken at `x`."""
         if not np.array_equal(self._looked[0], x):
             self.residual(x)
@@ -244,18 +252,18 @@ class Misfit:
             there: the plant with that effect changed or added, everything else as at `x`.
             name: of the effect.
         """
-        here, grids, whole = self._plant(x), self._grids(x), there.part(name) is there
+        here, grids, whole = self.plant(x), self.grids(x), there.part(name) is there
         drives = any(e.name == name for e in there.drive)
         if name not in here and not whole:  # what is new may jump at other instants
             grids = [None] * len(grids)
         numbers = range(len(grids))
         key = name if name in here else "", whole, drives
         if key not in self._before:
-            self._before[key] = each(lambda i: self._piece(i, here, name, x, grids[i], whole, drives), numbers)
-        after = each(lambda i: self._piece(i, there, name, x, grids[i], whole, drives), numbers)
+            self._before[key] = each(lambda i: self.piece(i, here, name, x, grids[i], whole, drives), numbers)
+        after = each(lambda i: self.piece(i, there, name, x, grids[i], whole, drives), numbers)
         return np.concatenate(after) - np.concatenate(self._before[key])
 
-    def _piece(
+    def piece(
         self, k: int, plant: Plant, name: str, x: Array, grid: Grid | None, whole: bool = False, drives: bool = False
     ) -> Array:
         """(m,) what of the residual of piece k an effect has a hand in; "" for the inertia.
@@ -266,12 +274,12 @@ class Misfit:
             whole: it acts on all others.
             drives: it acts on the torque applied.
         """
-        i, o = self._seen[k]
+        i, o = self.pieces[k]
         part = plant.part(name) if o.additive and not whole else plant
-        needed = o.needed(part, self._memory_of(part, x, i), grid)
+        needed = o.needed(part, self.memory_of(part, x, i), grid)
         return o.applied(plant, self.skew(x)) - needed if drives else -needed
 
-    def _memory_of(self, part: Plant, x: Array, i: int) -> Array | None:
+    def memory_of(self, part: Plant, x: Array, i: int) -> Array | None:
         """State of some effects before observation i; one that the template lacks has never moved."""
         known, places = self.memory(x, i), self.coordinates.template.memory_places
         if known is None:
@@ -284,54 +292,7 @@ class Misfit:
         wanted = np.full(self.size, columns is None)
         if columns is not None:
             wanted[columns] = True
-        n, lengths = self.coordinates.size, [len(o.index) for _, o in self._seen]
-        out = np.zeros((sum(lengths), self.size))
-        steps = self._steps(x) if self.set_steps is None else self.set_steps
-        lower, upper = self.bounds
-        steps = np.where(x + steps <= upper, steps, -steps)
-        both = (np.arange(self.size) < n) & (x - steps >= lower) & (x - steps <= upper)  # may be looked at both ways
-        plants: dict[tuple[int, float], Plant] = {}
-
-        def moved(column: int, step: float) -> tuple[Array, Plant]:
-            there = x.copy()
-            there[column] += step
-            if (column, step) not in plants:
-                plants[column, step] = self._plant(there) if column < n else here
-            return there, plants[column, step]
-
-        here, owners = self._plant(x), self._owners
-        parts, grids = np.split(out, np.cumsum(lengths)[:-1]), self._grids(x)
-
-        def one(k: int) -> None:
-            rows, grid = parts[k], grids[k]
-            (i, o), done = self._seen[k], ~wanted
-            for effect in here.effects:
-                if effect.separable and o.additive:
-                    self._elements(k, effect.name, here, x, grid, steps, rows, done)
-            begin, end = (self.n_common + k for k in self._states[i])
-            base: dict[str, Array] = {}
-            for column in np.flatnonzero(~done):
-                if self.n_common <= column and not begin <= column < end:
-                    continue  # the state before another observation
-                if n <= column < self.n_common:
-                    late = o.applied(here, self.skew(x) + steps[column])
-                    rows[:, column] = (late - o.applied(here, self.skew(x))) / steps[column]
-                    continue
-                name = owners[column if column < n else n + column - begin]
-                drives = any(e.name == name for e in here.drive)
-                if name not in base:
-                    base[name] = self._piece(k, here, name, x, grid, drives=drives)
-
-                def slope(step: float, column: int = int(column), name: str = name, drives: bool = drives) -> Array:
-                    there, plant = moved(column, step)
-                    after = self._piece(k, plant, name, there, grid, drives=drives)
-                    return (after - base[name]) / (there[column] - x[column])
-
-                rows[:, column] = _without_jumps(slope, steps[column], o.jumps and bool(both[column]))
-
-        each(one, range(len(self._seen)))
-        out[:, ~wanted] = 0
-        return out
+        return jacobian(self, x, wanted, self._steps(x) if self.set_steps is None else self.set_steps)
 
     def _steps(self, x: Array) -> Array:
         """(size,) small steps of each unknown, from its scale."""
@@ -351,65 +312,6 @@ class Misfit:
         out.set_steps = np.clip(deviation, _LEAST_STEP * usual, _MOST_STEP * usual)
         return out
 
-    @cached_property
-    def _owners(self) -> list[str]:
-        """Name of the effect of each coordinate, then of each state before a record."""
-        blocks = [b.effect for b in self.coordinates.blocks for _ in range(b.size)]
-        places = self.coordinates.template.memory_places
-        return blocks + [name for name, s in places.items() for _ in range(s.stop - s.start)]
-
-    def _elements(
-        self, k: int, name: str, plant: Plant, x: Array, grid: Grid | None, steps: Array, rows: Array,
-        done: NDArray[np.bool_],
-    ) -> None:  # fmt: skip
-        """Fills in the columns of what belongs to one element of a separable effect, all elements at a time.
-
-        Args:
-            rows: (m_k, size) derivatives of piece k.
-            done: which columns need no more work.
-        """
-        (i, o), part = self._seen[k], plant.part(name)
-        memory = self._memory_of(part, x, i)
-        native = [e for e in part.effects if e.is_native]
-        number = [e.name for e in native].index(name)
-
-        def torque(factor: Array | float = 1.0, memory: Array | None = memory) -> Array:
-            joint = Joint([(e.name, e.elements, e.packed * (factor if e.name == name else 1.0)) for e in native])
-            return o.elements(part, joint, number, memory, grid)
-
-        base: Array | None = None
-        effect, at = plant[name], 0
-        for b in self.coordinates.blocks:
-            own = slice(at, at + b.size)
-            at += b.size
-            if b.effect != name or not b.parameter.per_element or b.scale not in ("log", "share") or done[own].all():
-                continue
-            base = torque() if base is None else base
-            index = effect.index(b.parameter.name)
-
-            def slope(step: float, index: slice = index, base: Array = base) -> Array:
-                factor = np.ones(len(effect.packed))
-                factor[index] = math.exp(step)
-                return (torque(factor) - base) / step
-
-            found = _without_jumps(slope, float(np.median(np.abs(steps[own]))), o.jumps)
-            if b.scale == "share":  # log-ratios to the last share
-                share = effect.packed[index]
-                found = (found - share[:, None] * found.sum(0))[:-1]
-            rows[:, own] = found.T
-            done[own] = True
-        begin, end = (self.n_common + k for k in self._states[i])
-        if end > begin:
-            assert memory is not None
-            place = self.coordinates.template.memory_places[name]
-            states = slice(begin + place.start, begin + place.stop)
-            if not done[states].all():
-                base = torque() if base is None else base
-                there, place = memory.copy(), part.memory_places[name]
-                there[place] += steps[states]
-                rows[:, states] = ((torque(memory=there) - base) / (there[place] - memory[place])[:, None]).T
-                done[states] = True
-
     def of_elements(self, x: Array, effect: Effect, parent: NDArray[np.intp]) -> Array:
         """(elements, m) what each element of a separable effect does to the residual.
 
@@ -417,20 +319,20 @@ class Misfit:
             x: a vector; the effect stands in the place of that of its name.
             parent: (elements,) the element of the plant at `x` in whose state each begins a record.
         """
-        here = self._plant(x)
+        here = self.plant(x)
         part, own = here.replace(effect).part(effect.name), here.memory_places[effect.name]
         number = [e.name for e in part.effects if e.is_native].index(effect.name)
         place, joint = part.memory_places[effect.name], part.joint()
 
         def one(k: int) -> Array:
-            i, o = self._seen[k]
+            i, o = self.pieces[k]
             memory, before = self.memory(x, i), None
             if memory is not None:
                 before = np.zeros(joint.n_memory)
                 before[place] = memory[own][parent]
             return o.elements(part, joint, number, before)
 
-        return np.concatenate(each(one, range(len(self._seen))), axis=1)
+        return np.concatenate(each(one, range(len(self.pieces))), axis=1)
 
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""
@@ -454,21 +356,3 @@ class Misfit:
         """Size at which each linear coordinate matters, from its unit."""
         scales = Scales.of(self.observations)
         return np.array([scales[b.parameter.unit] for b in self.coordinates.blocks for _ in range(b.size)])
-
-
-def _lesser(a: Array, b: Array) -> Array:
-    """The one nearer to zero, zero where their signs differ."""
-    return np.where(a * b > 0, np.where(np.abs(a) < np.abs(b), a, b), 0.0)
-
-
-def _without_jumps(slope: Callable[[float], Array], step: float, both: bool) -> Array:
-    """A derivative (..., m) by a difference over `step`, without what an element does that just slips or just does not.
-
-    Now and then one takes another way from there. Such a jump is on one side only: where there is one, and the other
-    side may be looked at (`both`), the lesser of the two slopes counts.
-    """
-    found = slope(step)
-    jumps = np.abs(found).max(-1) > _SPIKE * np.sqrt(np.mean(found**2, -1))
-    if both and jumps.any():
-        found = np.where(jumps[..., None], _lesser(found, slope(-step)), found)
-    return found

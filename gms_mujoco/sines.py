@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -173,6 +174,29 @@ class Sines(ABC):
         """
         position, rate, _ = self._read(plant)
         return self._rows(fundamental(joint.cycle(1 / self.frequency, position, rate, effect)).T)
+
+    def changes(
+        self, plant: Plant, joints: Sequence[Joint], memories: Sequence[Array | None], grid: Grid | None = None,
+        effect: int = 0, apart: int = 0,
+    ) -> Array:  # fmt: skip
+        """Rows of the differences of the torques of joints with the same effects from that of the first, of each of the
+        first `apart` after it by the elements of an effect."""
+        position, rate, _ = self._read(plant)
+
+        def rows(joint: Joint, number: int | None) -> Array:
+            found = fundamental(joint.cycle(1 / self.frequency, position, rate, number))
+            return self._rows(found[None] if number is None else found.T)
+
+        out = [np.empty((0, len(self.index)))]
+        for number, some in ((effect, joints[1 : apart + 1]), (None, joints[apart + 1 :])):
+            if some:
+                base = rows(joints[0], number)
+                out += [rows(joint, number) - base for joint in some]
+        return np.concatenate(out)
+
+    def accelerated(self, plant: Plant) -> Array:
+        """(2 n,) rows of the acceleration, as the plant's sensor tells it."""
+        return self._rows(-(self.omega**2) * self._read(plant)[2])
 
     def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> None:
         """None: a motion in closed form has no samples."""

@@ -167,4 +167,4 @@ def test_a_copied_joint_is_a_joint_of_its_own():
     t = np.arange(3.0)
     for twin in twins:
         np.testing.assert_allclose(twin.replay(t, t, np.ones(3)).torque, -2.0)
-    assert len({twin._handle for twin in twins}) == 2
+    assert len({twin.handle for twin in twins}) == 2

@@ -1,12 +1,23 @@
-"""The native series against what NumPy and SciPy make of the same numbers."""
+"""The native series against what NumPy and SciPy make of the same numbers, and changes of torques against replays."""
 
 import numpy as np
 import pytest
+from bench import HEALTHY, LEVEL, J
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from gms_mujoco.native import series
+from gms_mujoco import effects
+from gms_mujoco.native import Joint, series
+from gms_mujoco.plant import Plant
+
+LAWS = [
+    Plant.axis(J) + HEALTHY["gms"],
+    Plant.axis(J) + effects.find("lugre")(
+        stiffness=0.6, damping=1e-3, coulomb=LEVEL, static=1.1 * LEVEL, stribeck_velocity=0.5
+    ),
+    Plant.axis(J) + HEALTHY["gms"] + effects.find("asymmetric_friction")(level=0.2) + HEALTHY["viscous"],
+]  # fmt: skip
 
 
 def integrated(instants: np.ndarray, torque: np.ndarray, k: int) -> float:
@@ -43,3 +54,59 @@ def test_a_band_is_a_filter_and_every_so_many_samples_of_it(columns: int, taps: 
     assert np.allclose(series.band(x, kernel, first, stride, count), expected, rtol=0, atol=1e-13)
     one = series.band(x[:, 0], kernel, first, stride, count)
     assert one.shape == (count,) and np.allclose(one, expected[0], rtol=0, atol=1e-13)
+
+
+def _motion(n: int = 900) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A motion that reverses, and stands still for a while."""
+    t = 1e-3 * np.arange(n)
+    q = 0.03 * np.sin(40 * t) + 0.004 * np.sin(310 * t + 1)
+    q[300:320] = q[300]
+    return t, q, np.gradient(q, t)
+
+
+def _joints(plant: Plant, count: int) -> list[Joint]:
+    """Joints that differ by less than their static level is above the other."""
+    rng = np.random.default_rng(3)
+    return [
+        Joint([(e.name, e.elements, e.packed * rng.uniform(0.98, 1.02, len(e.packed))) for e in plant.effects])
+        for _ in range(count)
+    ]
+
+
+def _band(torque: np.ndarray, band: series.Band) -> np.ndarray:
+    series_ = torque if band.instants is None else series.mean(band.instants, torque)
+    rows = [band.first + k * band.stride for k in range(band.count)]
+    return np.array([band.kernel @ series_[k : k + len(band.kernel)] for k in rows])
+
+
+@pytest.mark.parametrize("plant", LAWS, ids=lambda p: "+".join(e.name for e in p.effects))
+@pytest.mark.parametrize("count", [2, 5, 40])
+@pytest.mark.parametrize("between", [False, True], ids=["samples", "instants"])
+def test_many_joints_change_as_each_does(plant: Plant, count: int, between: bool) -> None:
+    motion = t, q, v = _motion()
+    instants = None
+    if between:  # every sample, and some instants between them
+        instants = np.sort(np.append(np.arange(len(t)), [10.25, 10.5, 400.125, 777.5])).astype(float)
+        motion = tuple(np.interp(instants, np.arange(len(t)), x) for x in (t, q, v))
+    band = series.Band(np.hanning(33)[1:-1] / 16, 7, 3, 250, instants)
+    joints = _joints(plant, count)
+    memories = list(np.random.default_rng(4).uniform(-1, 1, (count, joints[0].n_memory)))
+    torque = [_band(j.replay(*motion, memory=m).torque, band) for j, m in zip(joints, memories, strict=True)]
+    found = series.changes(joints, *motion, None, None, memories, band)
+    assert found.shape == (count - 1, band.count)
+    np.testing.assert_allclose(found, torque[1:] - torque[0], rtol=0, atol=1e-13 * np.abs(torque).max())
+
+
+@pytest.mark.parametrize("apart", [1, 3, 20])
+def test_some_may_be_told_by_their_elements(apart: int) -> None:
+    motion, band = _motion(), series.Band(np.ones(5) / 5, 0, 2, 400)
+    joints = _joints(LAWS[0], apart + 3)
+    parts = [j.elements(0, *motion) for j in joints]
+    found = series.changes(joints, *motion, None, None, None, band, apart=apart)
+    for j in range(1, apart + 1):
+        n = parts[0].shape[1]
+        for i in range(n):
+            wanted = _band(parts[j][:, i] - parts[0][:, i], band)
+            np.testing.assert_allclose(found[n * (j - 1) + i], wanted, rtol=0, atol=1e-13 * LEVEL)
+    whole = [_band((parts[j] - parts[0]).sum(1), band) for j in (apart + 1, apart + 2)]
+    np.testing.assert_allclose(found[-2:], whole, rtol=0, atol=1e-13 * LEVEL)

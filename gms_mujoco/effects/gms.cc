@@ -6,6 +6,7 @@ using gms::Level;
 using gms::Motion;
 
 enum { kForce = 0, kSlip = 1 };  // state of element i: force at 2 i, slip direction at 2 i + 1 (0: sticks)
+constexpr int kCurve = 5;  // parameters, behind those of the elements
 
 int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
@@ -85,6 +86,26 @@ void torques(const double* p, int n, int count, const Motion* m, const Level* le
   }
 }
 
+// The same for joints that move alike. Those with one Stribeck curve, of which only the elements differ, share it.
+void alternatives(const double* const* p, int n, int count, const Motion& m, const Level* level,
+                  const double* const* state, double* const* next, double* out) {
+  if (m.displacement == 0) {
+    for (int j = 0; j < count; j++) out[j] = keep(n, state[j], next[j]);
+    return;
+  }
+  double s[gms::kTogether], left[gms::kTogether];
+  bool known[gms::kTogether];  // from the joint before
+  for (int j = 0; j < count; j++) {
+    known[j] = j > 0 && level[j].at(m.displacement) == level[j - 1].at(m.displacement);
+    for (int i = 2 * n; known[j] && i < 2 * n + kCurve; i++) known[j] = p[j][i] == p[j - 1][i];
+  }
+  for (int j = 0; j < count; j++) {
+    s[j] = known[j] ? s[j - 1] : level_of(p[j] + 2 * n, m, level[j].at(m.displacement));
+  }
+  for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, s[j]);
+  for (int j = 0; j < count; j++) out[j] = move(p[j], n, m, level[j], s[j], left[j], state[j], next[j]);
+}
+
 double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
   if (m.displacement == 0) return keep(n, state, next);
   // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
@@ -106,7 +127,9 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   return -direction * total;
 }
 
-double element(const double* state, int i) { return -state[2 * i + kForce]; }
+void elements(const double* state, int n, double* torque) {
+  for (int i = 0; i < n; i++) torque[i] = -state[2 * i + kForce];
+}
 
 }  // namespace
 
@@ -134,7 +157,8 @@ const gms::Effect gms_effect_gms = {
     recall,
     nullptr,
     torque,
-    element,
+    elements,
     true,
     torques,
+    alternatives,
 };

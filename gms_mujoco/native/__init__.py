@@ -56,9 +56,10 @@ class _Effect(ctypes.Structure):
         ("recall", ctypes.c_void_p),
         ("modulate", ctypes.c_void_p),
         ("torque", ctypes.c_void_p),
-        ("element", ctypes.c_void_p),
+        ("elements", ctypes.c_void_p),
         ("turns_round", ctypes.c_bool),
         ("torques", ctypes.c_void_p),
+        ("alternatives", ctypes.c_void_p),
     )
 
 
@@ -80,6 +81,11 @@ def _load() -> ctypes.CDLL:
         ("gms_joint_n_memory", integer, (pointer,)),
         ("gms_joint_replay", None, (pointer, integer) + (pointer,) * 9),
         ("gms_joint_elements", None, (pointer, integer, integer) + (pointer,) * 7),
+        (
+            "gms_joints_changes",
+            None,
+            (pointer,) + (integer,) * 4 + (pointer,) * 7 + (integer, pointer, integer, integer, integer, pointer),
+        ),
         ("gms_joint_cycle", integer, (pointer, integer, integer, integer) + (pointer,) * 4),
         ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),
         (
@@ -138,7 +144,7 @@ def _declaration(index: int) -> Declaration:
     texts = {k: getattr(e, k).decode() for k in ("name", "class_name", "kind", "doc", "signature", "experiment")}
     return Declaration(
         index, **texts, parameters=parameters,
-        modulates=bool(e.modulate), has_torque=bool(e.torque), separable=bool(e.element),
+        modulates=bool(e.modulate), has_torque=bool(e.torque), separable=bool(e.elements),
     )  # fmt: skip
 
 
@@ -244,19 +250,19 @@ class Joint:
 
     def __init__(self, effects: Sequence[tuple[str, int, Array]]) -> None:
         self._effects = list(effects)
-        self._handle = library.gms_joint_new()
+        self.handle = library.gms_joint_new()
         self.n_effects = len(effects)
-        self._counts = [n for _, n, _ in effects]
+        self.counts = [n for _, n, _ in effects]
         for name, n, packed in effects:
             p = np.ascontiguousarray(packed, float)
-            if library.gms_joint_add(self._handle, BY_NAME[name].index, n, _address(p)):
+            if library.gms_joint_add(self.handle, BY_NAME[name].index, n, _address(p)):
                 raise EngineError(f"{name} with {n} elements needs more state than a joint holds")
-        self.n_state: int = library.gms_joint_n_state(self._handle)
-        self.n_memory: int = library.gms_joint_n_memory(self._handle)
+        self.n_state: int = library.gms_joint_n_state(self.handle)
+        self.n_memory: int = library.gms_joint_n_memory(self.handle)
 
     def __del__(self) -> None:
-        if getattr(self, "_handle", None) and library is not None:
-            library.gms_joint_delete(self._handle)
+        if getattr(self, "handle", None) and library is not None:
+            library.gms_joint_delete(self.handle)
 
     def __reduce__(self) -> tuple[type[Joint], tuple[list[tuple[str, int, Array]]]]:
         """A copy has a handle of its own."""
@@ -290,7 +296,7 @@ class Joint:
         shares = np.empty((n, self.n_effects)) if parts else None
         history = np.empty((n, self.n_state)) if states else None
         library.gms_joint_replay(
-            self._handle, n, *map(_address, inputs), _address(torque), _address(shares), _address(history)
+            self.handle, n, *map(_address, inputs), _address(torque), _address(shares), _address(history)
         )
         return Replay(torque, shares, history)
 
@@ -325,8 +331,8 @@ class Joint:
             (n, elements) [N m].
         """
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
-        torque = np.empty((n, self._counts[effect]))
-        library.gms_joint_elements(self._handle, effect, n, *map(_address, inputs), _address(torque))
+        torque = np.empty((n, self.counts[effect]))
+        library.gms_joint_elements(self.handle, effect, n, *map(_address, inputs), _address(torque))
         return torque
 
     def cycle(self, period: Array, position: Array, velocity: Array, effect: int | None = None) -> Array:
@@ -345,9 +351,9 @@ class Joint:
         """
         inputs = [np.ascontiguousarray(a, float) for a in (period, position, velocity)]
         shape = inputs[1].shape
-        torque = np.empty(shape if effect is None else (shape[0], self._counts[effect], shape[1]))
+        torque = np.empty(shape if effect is None else (shape[0], self.counts[effect], shape[1]))
         use = -1 if effect is None else effect
-        library.gms_joint_cycle(self._handle, use, *shape, *map(_address, inputs), _address(torque))
+        library.gms_joint_cycle(self.handle, use, *shape, *map(_address, inputs), _address(torque))
         return torque
 
     def mean(
@@ -381,7 +387,7 @@ class Joint:
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
         torque, instants = np.empty(n), np.empty(_MOST_INSTANTS * n)
         count = library.gms_joint_mean(
-            self._handle, n, *map(_address, inputs), tolerance, _address(torque), _address(instants), len(instants)
+            self.handle, n, *map(_address, inputs), tolerance, _address(torque), _address(instants), len(instants)
         )
         return torque, instants[:count].copy()
 
@@ -446,7 +452,7 @@ class Joint:
         history = np.full((n, self.n_state), np.nan) if states else None
         q[:1], v[:1] = position, velocity
         library.gms_joint_simulate(
-            self._handle,
+            self.handle,
             n,
             substeps,
             INTEGRATION[integration],
@@ -507,7 +513,7 @@ class Joint:
         q, v = np.full(n, np.nan), np.full(n, np.nan)
         q[:1], v[:1] = position, velocity
         library.gms_servo_simulate(
-            self._handle, n, step, inertia, rotor, weight, _address(numbers), delay, len(inputs[0]),
+            self.handle, n, step, inertia, rotor, weight, _address(numbers), delay, len(inputs[0]),
             *map(_address, (*inputs, q, v)),
         )  # fmt: skip
         return Motion(q, v, np.full(n, np.nan))

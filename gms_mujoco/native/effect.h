@@ -96,9 +96,9 @@ struct Effect {
   double (*torque)(const double* p, int n, const Motion& motion, const Level& level,
                    const double* state, double* next);
 
-  // Torque of element i, from the state that `torque` has written. Only where no element knows of the others, each has
-  // one unknown of memory, and their torques add up to that of the effect; else null.
-  double (*element)(const double* state, int i) = nullptr;
+  // Torques of the n elements, from the state that `torque` has written. Only where no element knows of the others, each
+  // has one unknown of memory, and their torques add up to that of the effect; else null.
+  void (*elements)(const double* state, int n, double* torque) = nullptr;
 
   // Whether everything it does turns round with the motion: of the motion and the state with the other sign, torque and
   // state with the other sign, whatever the parameters and wherever the joint stands. Of a periodic motion that is
@@ -109,6 +109,10 @@ struct Effect {
   // motion, level and states, from number `at` of theirs on: for speed alone. Null: `torque` is called for each.
   void (*torques)(const double* p, int n, int count, const Motion* motion, const Level* level, int at,
                   const double* const* state, double* const* next, double* torque) = nullptr;
+
+  // The same for joints that move alike, each with parameters of its own.
+  void (*alternatives)(const double* const* p, int n, int count, const Motion& motion, const Level* level,
+                       const double* const* state, double* const* next, double* torque) = nullptr;
 };
 
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per

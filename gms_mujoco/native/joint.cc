@@ -81,6 +81,34 @@ void Joint::sums(int count, const Motion* motion, const double* const* state, do
   }
 }
 
+void Joint::alternatives(int count, const Joint* const* joints, const Motion& motion, const double* const* state,
+                         double* const* next, double* total) {
+  const Joint& first = *joints[0];
+  Level level[kTogether];
+  for (int j = 0; j < count; j++) {
+    next[j][0] = motion.position;
+    next[j][1] = motion.time;
+    total[j] = 0;
+    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion, level[j]);
+  }
+  for (size_t i = 0; i < first.torques_.size(); i++) {
+    const Call& x = first.torques_[i];
+    const double *from[kTogether], *p[kTogether];
+    double *to[kTogether], part[kTogether];
+    for (int j = 0; j < count; j++) {
+      from[j] = state[j] + x.state;
+      to[j] = next[j] + x.state;
+      p[j] = joints[j]->torques_[i].p;
+    }
+    if (x.effect->alternatives) {
+      x.effect->alternatives(p, x.n, count, motion, level, from, to, part);
+    } else {
+      for (int j = 0; j < count; j++) part[j] = x.effect->torque(p[j], x.n, motion, level[j], from[j], to[j]);
+    }
+    for (int j = 0; j < count; j++) total[j] += part[j];
+  }
+}
+
 double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
   Level level;
   for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, level);

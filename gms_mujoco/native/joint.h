@@ -71,6 +71,10 @@ class Joint {
   // As many as have room in a Together.
   int at_once() const { return at_once_; }
 
+  // The same for up to kTogether joints with the same effects that move alike, each with parameters of its own.
+  static void alternatives(int count, const Joint* const* joints, const Motion& motion, const double* const* state,
+                           double* const* next, double* torque);
+
   // How a joint has moved from where its state holds to `now`.
   static Motion since(const Sample& now, const double* state) {
     Motion motion{now.position, 0, now.velocity, 0, now.time, now.load, now.temperature};

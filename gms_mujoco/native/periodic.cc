@@ -68,12 +68,13 @@ struct Cycle {
   const gms::Joint& joint;
   const gms::Joint::Use* of;  // whose elements are asked for; null: the torque of all
   int n;
-  std::vector<double> state, next, scale, seen[4], before;
+  std::vector<double> state, next, scale, seen[4], before, apart;
 
   Cycle(const gms::Joint& joint, const gms::Joint::Use* of, int n)
       : joint(joint), of(of), n(n), state(joint.n_state()), next(state), scale(state) {
     for (auto& x : seen) x = state;
     before.resize(state.size() * n);
+    apart.resize(of ? of->n : 0);
   }
 
   bool is_close(const double* x) const {
@@ -108,7 +109,8 @@ struct Cycle {
         if (!of) {
           out[at] = total;
         } else {
-          for (int j = 0; j < width; j++) out[j * n + at] = of->effect->element(state.data() + of->state, j);
+          of->effect->elements(state.data() + of->state, width, apart.data());
+          for (int j = 0; j < width; j++) out[j * n + at] = apart[j];
         }
         for (int j = first; j < size; j++) scale[j] = std::max(scale[j], std::fabs(state[j]));
         // From where it stands as it did a turn ago, all will be as it was.

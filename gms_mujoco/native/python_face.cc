@@ -5,6 +5,7 @@
 #include "api.h"
 #include "effect.h"
 #include "joint.h"
+#include "series.h"
 #include "single_axis.h"
 
 using gms::Joint;
@@ -65,8 +66,62 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
     joint->torque({time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : 0},
                   state.data(), next.data());
     state.swap(next);
-    for (int i = 0; i < e.n; i++) *torque++ = e.effect->element(state.data() + e.state, i);
+    e.effect->elements(state.data() + e.state, e.n, torque);
+    torque += e.n;
   }
+}
+
+// By how much the torques of `count` joints with the same effects, at most kTogether, differ from that of the first of
+// them, along one motion at n instants; `memory` is count x n_memory, or null. Of the first `apart` after it the torque of
+// each element of effect number `use` is told, then of each other the whole. What comes of it is band-limited, see
+// gms::Band, where it stands or, with `instants` in samples from the first, as its means around the samples: `changes` is
+// (apart * elements + count - 1 - apart) x m.
+GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, int apart, int n, const double* time,
+                                const double* position, const double* velocity, const double* load,
+                                const double* temperature, const double* memory, const double* instants, int taps,
+                                const double* kernel, int first, int stride, int m, double* changes) {
+  const Joint& here = *joints[0];
+  const size_t size = here.n_state();
+  std::vector<double> states(2 * count * size);
+  double *state[gms::kTogether], *next[gms::kTogether], torque[gms::kTogether];
+  for (int j = 0; j < count; j++) {
+    state[j] = states.data() + j * size;
+    next[j] = state[j] + count * size;
+    if (memory) {
+      joints[j]->recall(memory + static_cast<size_t>(j) * here.n_memory(), state[j]);
+    } else {
+      joints[j]->reset(state[j]);
+    }
+  }
+  const Joint::Use* e = apart ? &here.uses()[use] : nullptr;
+  const int columns = (e ? apart * e->n : 0) + count - 1 - apart;
+  std::vector<double> row(columns), from(e ? e->n : 0);
+  gms::Band band(taps, kernel, first, stride, m, columns, changes);
+  gms::Means means(columns);
+  const auto take = [&](const double* mean) {
+    std::copy_n(mean, columns, band.row());
+    band.add();
+  };
+  for (int k = 0; k < n; k++) {
+    const gms::Motion motion = Joint::since({time[k], position[k], velocity[k], load ? load[k] : 0,
+                                             temperature ? temperature[k] : 0}, state[0]);
+    Joint::alternatives(count, joints, motion, state, next, torque);
+    double* to = instants ? row.data() : band.row();
+    if (apart) e->effect->elements(next[0] + e->state, e->n, from.data());
+    for (int j = 1; j <= apart; j++, to += e->n) {
+      e->effect->elements(next[j] + e->state, e->n, to);
+      for (int i = 0; i < e->n; i++) to[i] -= from[i];
+    }
+    for (int j = apart + 1; j < count; j++) *to++ = torque[j] - torque[0];
+    for (int j = 0; j < count; j++) std::swap(state[j], next[j]);
+    if (instants) {
+      means.add(instants[k], row.data(), take);
+    } else {
+      band.add();
+    }
+  }
+  if (instants) means.end(take);
+  band.work();
 }
 
 namespace {
