@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effect import Effect
+from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
@@ -115,9 +116,10 @@ class _Elements:
         self.pairs = pairs = np.column_stack([order[:-1], order[1:]])
         some = np.flatnonzero(level > _LEAST)
         self.of, self.apart = np.tile(some, len(_APART)), np.repeat(_APART, len(some))
-        # The softer half of one that is as soft as a fit lets it be would be a spring, half by half.
-        slips = self.distance[self.of] * self.apart <= longest_break_away(self.distance, level, misfit.observations)
-        self.of, self.apart = self.of[slips], self.apart[slips]
+        if all(isinstance(o, Observation) for o in misfit.observations):  # responses say which amplitudes slip
+            # The softer half of one that is as soft as a fit lets it be would be a spring, half by half.
+            slips = self.distance[self.of] * self.apart <= longest_break_away(self.distance, level, misfit.observations)
+            self.of, self.apart = self.of[slips], self.apart[slips]
         joint = level[pairs].sum(1) / self.stiffness[pairs].sum(1)
         there = self.distance[self.of]
         tried = np.concatenate([self.distance, joint, there * self.apart, there / self.apart])

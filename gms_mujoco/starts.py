@@ -180,10 +180,8 @@ def longest_break_away(distances: Array, levels: Array, observations: Sequence[S
     What hardly slips in the travel of any record does not say what is usual, nor does one so much softer than the
     others as a spring is: it would make room for itself.
     """
-    records = [o for o in observations if isinstance(o, Observation)]
-    if not records:
-        return _latest(distances, levels, [o for o in observations if isinstance(o, FrfObservation)])
-    slips = distances <= _WIDEST * max(float(np.ptp(o.position)) for o in records)
+    travel = max((float(np.ptp(o.position)) for o in observations if isinstance(o, Observation)), default=math.inf)
+    slips = distances <= _WIDEST * travel
     weights = np.where(slips, levels, 0.0) if levels[slips].any() else levels
     return LONGEST_BREAK_AWAY * _usual(distances, weights)
 
