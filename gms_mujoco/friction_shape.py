@@ -15,9 +15,11 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .placement import parted
+from .scales import Scales
 
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
-_FASTER = (1.0, 0.5, 2.0)  # times the Stribeck velocity
+_VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
+_WEAKER = 1.05  # times less friction than at rest, at least, for a curve to be seen
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
@@ -33,14 +35,18 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     curved = [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]
-    for name, exponent, factor in itertools.product(curved, _EXPONENTS, _FASTER):
+    usual = Scales.of(now.misfit.observations)["rad/s"]
+    for name, exponent, velocity in itertools.product(curved, _EXPONENTS, _VELOCITIES):
         law = now.plant[name]
         if at_floor(now, left):
             break
-        if exponent == law.values["stribeck_exponent"] and factor == 1:
+        if exponent == law.values["stribeck_exponent"] and velocity is None:
             continue
-        velocity = factor * float(np.asarray(law.stribeck_velocity))
-        plant = now.plant.replace(law.replace(stribeck_exponent=exponent, stribeck_velocity=velocity))
+        curve = law.replace(stribeck_exponent=exponent)
+        if velocity is not None:
+            static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
+            curve = curve.replace(stribeck_velocity=velocity * usual, static=static)
+        plant = now.plant.replace(curve)
         misfit = Misfit(plant, now.misfit.observations)
         memories = now.misfit.memories(now.vector, misfit.n_memory)
         x = nudge(misfit, misfit.vector(plant, memories, now.misfit.skew(now.vector)))
