@@ -182,7 +182,7 @@ class Search:
             report(0.7 + 0.1 * i, f"refitting with {name}")
             result = self._refitted(misfit, x)
             if i == 0:
-                result = self.best(result)
+                result = self._formed(name, self.best(result))
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
@@ -491,6 +491,19 @@ class Search:
             return result
         begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
         return min(result, begun, key=_error)
+
+    def _formed(self, name: str, result: FitResult) -> FitResult:
+        """The same joint fit, or that with another form of the effect where it leaves less: rough fits are no judges of
+        forms that differ little."""
+        found = [result]
+        for form in FORMS.get(name, ()):
+            plant = result.plant.replace(result.plant[name].replace(**form))
+            if plant[name] != result.plant[name]:
+                misfit = Misfit(plant, self.seen)
+                memories = result.misfit.memories(result.vector, misfit.n_memory)
+                x = nudge(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
+                found.append(fit_to_end(misfit, x, below=result.misfit.cost(result.vector)))
+        return min(found, key=_error)
 
     def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
