@@ -6,7 +6,7 @@ import gc
 import numpy as np
 import pytest
 
-from gms_mujoco import effects
+from gms_mujoco import effects, native
 from gms_mujoco.errors import ModelError
 from gms_mujoco.plant import Plant
 
@@ -168,3 +168,19 @@ def test_a_copied_joint_is_a_joint_of_its_own():
     for twin in twins:
         np.testing.assert_allclose(twin.replay(t, t, np.ones(3)).torque, -2.0)
     assert len({twin.handle for twin in twins}) == 2
+
+
+def test_a_motion_whose_torque_never_comes_back_to_itself_has_one_at_every_sample() -> None:
+    """Axis 2848 turns from half periods to whole ones in the last that it is given."""
+    rng = np.random.default_rng(2848)
+    fraction, distance = rng.dirichlet(np.ones(12)), np.geomspace(1e-3, 1e-1, 12)
+    law = effects.GMS(
+        stiffness=5e-3 * fraction / distance, fraction=fraction, coulomb=4.5e-3, static=4.5e-3 * rng.uniform(1, 1.3),
+        stribeck_velocity=10 ** rng.uniform(-1.5, 0), attraction=10 ** rng.uniform(-2, 0),
+    )  # fmt: skip
+    omega, amplitude = 2 * np.pi * 10 ** rng.uniform(1, 2), 10 ** rng.uniform(-3, -1.5)
+    phase = 2 * np.pi * np.arange(64) / 64
+    motion = [np.array([2 * np.pi / omega]), amplitude * np.cos(phase)[None], -amplitude * omega * np.sin(phase)[None]]
+    torque, joint = np.full((1, 64), np.nan), (Plant.axis() + law).joint()
+    native.library.gms_joint_cycle(joint.handle, -1, 1, 64, *(a.ctypes.data for a in (*motion, torque)))
+    assert np.isfinite(torque).all()

@@ -124,7 +124,8 @@ struct Cycle {
       }
       settled = is_close(seen[kept - 1].data());
       leapt = false;
-      if (half && !settled && kept > 1 && is_close(seen[kept - 2].data())) {  // alike only after a whole period
+      const bool again = turn + 1 < kMostPeriods;
+      if (half && again && !settled && kept > 1 && is_close(seen[kept - 2].data())) {  // alike after a whole period
         half = false;
         last = n;
         leapt = true;
