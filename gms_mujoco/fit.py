@@ -32,6 +32,7 @@ _ROUNDS = 4  # of solving and computing the harmonics anew
 _AGREED = 0.98  # of the cost: less of a fall is none
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
+_LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _RUNS = 16  # of a servo, for a first look
 _ENOUGH = 160  # points of frequency responses, for a first look
@@ -314,11 +315,11 @@ def finished(found: FitResult) -> FitResult:
     return _finished(found.misfit, found.vector)
 
 
-def _finished(misfit: Misfit, x: Array, max_steps: int = 20) -> FitResult:
+def _finished(misfit: Misfit, x: Array) -> FitResult:
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
         for _ in range(2):
-            x = solve(misfit.on_grids(x, _FINER), x, max_steps // 2, _SHARP / len(misfit.residual(x)))
-        x = _agreed(misfit, x, max_steps // 2)
+            x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, _SHARP / len(misfit.residual(x)))
+        x = _agreed(misfit, x, _LAST_STEPS)
     return with_covariance(_result(misfit, x))
 
 
@@ -350,8 +351,7 @@ def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list
 
 
 def _result(misfit: Misfit, x: Array) -> FitResult:
-    n = misfit.coordinates.size
-    plant = misfit.coordinates.decode(x[:n])
+    plant = misfit.plant(x)
     residual, observations = misfit.residual(x), misfit.observations
     applied = [o.applied(plant) for o in observations]
     score = observations[0].score

@@ -13,7 +13,6 @@ from .held_out import HeldOut, p_value
 from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, left_of, takes
 from .least_squares import nudge
 from .linear_model import cross_validated
-from .misfit import Misfit
 from .placement import parted
 from .scales import Scales
 
@@ -46,10 +45,8 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         if velocity is not None:
             static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
             curve = curve.replace(stribeck_velocity=velocity * usual, static=static)
-        plant = now.plant.replace(curve)
-        misfit = Misfit(plant, now.misfit.observations)
-        memories = now.misfit.memories(now.vector, misfit.n_memory)
-        x = nudge(misfit, misfit.vector(plant, memories, now.misfit.skew(now.vector)))
+        misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
+        x = nudge(misfit, x)
         if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
             continue
         now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
@@ -79,11 +76,8 @@ def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 def without_idle(result: FitResult) -> FitResult:
     """A fit without the harmonics that it has found to be nothing."""
     plant = replace(result.plant, effects=tuple(map(lean, result.plant.effects)))
-    misfit = Misfit(plant, result.misfit.observations)
-    if misfit.coordinates.size == result.misfit.coordinates.size:
-        return result
-    memories = result.misfit.memories(result.vector, misfit.n_memory)
-    return refine(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
+    misfit, x = result.misfit.onto(plant, result.vector)
+    return result if misfit.coordinates.size == result.misfit.coordinates.size else refine(misfit, x)
 
 
 def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> tuple[FitResult, HeldOut]:

@@ -70,9 +70,7 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     if absent(effect) == effect:  # absent only at the end of its range
         return True
     idle = after.plant.replace(absent(effect))
-    misfit = Misfit(idle, after.misfit.observations)
-    memories = after.misfit.memories(after.vector, misfit.n_memory)
-    left = left_of(misfit, misfit.vector(idle, memories, after.misfit.skew(after.vector)))
+    left = left_of(*after.misfit.onto(idle, after.vector))
     gained = left_of(before.misfit, before.vector) - left_of(after.misfit, after.vector)
     return left - left_of(after.misfit, after.vector) > _CARRIED * gained
 

@@ -156,12 +156,23 @@ class Misfit:
         rest = np.zeros(self._states[-1][1]) if memories is None else np.concatenate(memories)
         return np.concatenate([self.coordinates.encode(plant), np.full(self.n_skew, skew), rest])
 
+    def onto(self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None) -> tuple[Misfit, Array]:
+        """The problem of another plant, and its vector where everything else is as at `x`.
+
+        Args:
+            plant: with at least the effects of this one, at their places.
+            x: a vector of this problem.
+            observations: as many as this one's, in their order; its own if None.
+        """
+        out = Misfit(plant, self.observations if observations is None else observations)
+        return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x))
+
     def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them; and motions of frequency
         responses with the harmonics that they have at `x`.
         """
         x = x.copy()
-        plant, skew = self.coordinates.decode(x[: self.coordinates.size]), self.skew(x)
+        plant, skew = self.plant(x), self.skew(x)
         frfs = iter(settled([o for o in self.observations if isinstance(o, FrfObservation)], plant))
         self.observe([next(frfs) if isinstance(o, FrfObservation) else o for o in self.observations])
 

@@ -86,7 +86,7 @@ def _with_elements(gms: Effect, share: Array, stiffness: Array) -> Effect:
 
 def _moved(misfit: Misfit, x: Array, gms: Effect, parent: Indices, fixed: Collection[str]) -> tuple[Misfit, Array]:
     """The problem with other elements, each in the state of its parent before every record."""
-    plant: Plant = misfit.coordinates.decode(x[: misfit.coordinates.size]).replace(gms)
+    plant: Plant = misfit.plant(x).replace(gms)
     trial = Misfit(plant, misfit.observations, fixed)
     place = misfit.coordinates.template.memory_places["gms"]
     states = [
@@ -108,7 +108,7 @@ class _Elements:
     """
 
     def __init__(self, misfit: Misfit, x: Array) -> None:
-        self.gms = misfit.coordinates.decode(x[: misfit.coordinates.size])["gms"]
+        self.gms = misfit.plant(x)["gms"]
         self.level, self.stiffness = np.asarray(self.gms.fraction), np.asarray(self.gms.stiffness)
         level, n = self.level, len(self.level)
         self.distance = level / self.stiffness

@@ -68,6 +68,4 @@ def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:
 
 
 def _joined(misfit: Misfit, x: Array, effect: Effect) -> tuple[Misfit, Array]:
-    plant = misfit.coordinates.decode(x[: misfit.coordinates.size]) + effect
-    near = Misfit(plant, misfit.observations)
-    return near, near.vector(plant, misfit.memories(x, near.n_memory), misfit.skew(x))
+    return misfit.onto(misfit.plant(x) + effect, x)

@@ -17,7 +17,7 @@ from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .screen import Screen
-from .search import FORMS, Search, Step
+from .search import Search, Step, forms
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
     plants = [bare.coordinates.template]
     if other.name not in plants[0]:
         effect = other.result.plant[other.name]
-        plants = [plants[0] + effect.replace(**form) for form in FORMS.get(other.name, ({},))]
+        plants = [plants[0] + effect.replace(**form) for form in forms(effect, plants[0])]
 
     def fitted(plant: Plant) -> FitResult:
         misfit = Misfit(plant, bare.observations)
@@ -212,7 +212,6 @@ def _of_harmonic(result: FitResult, name: str, harmonic: float) -> tuple[Array, 
     effect = result.plant[name]
     here = np.asarray(effect.values["harmonics"]) == harmonic
     plant: Plant = result.plant.replace(effect.replace(amplitude=np.where(here, 0, effect.values["amplitude"])))
-    misfit = Misfit(plant, result.misfit.observations)
-    x = misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory), result.misfit.skew(result.vector))
+    misfit, x = result.misfit.onto(plant, result.vector)
     change = result.misfit.residual(result.vector) - misfit.residual(x)
     return change, float(np.asarray(effect.values["phase"])[here][0])

@@ -40,7 +40,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
     if servos:
         return _of_servo(servos, parts)
     observations = [o for o in misfit.observations if not isinstance(o, ServoObservation)]
-    plant = misfit.coordinates.decode(vector[: misfit.coordinates.size])
+    plant = misfit.plant(vector)
     torque = math.sqrt(sum(float(np.sum(o.applied(plant) ** 2)) for o in observations))
     said = [f"{100 * math.sqrt(total) / torque:.1f} % of the torque"]
 

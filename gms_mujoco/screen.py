@@ -94,7 +94,7 @@ class Screen:
 
     def __init__(self, misfit: Misfit, vector: Array) -> None:
         self.misfit, self.vector = misfit, vector
-        self.plant = misfit.coordinates.decode(vector[: misfit.coordinates.size])
+        self.plant = misfit.plant(vector)
         self.residual = misfit.residual(vector)
         self.scales = Scales.of(misfit.observations)
         self.model = LinearModel(misfit, vector, self.residual)

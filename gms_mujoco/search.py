@@ -198,13 +198,12 @@ class Search:
             return []
         some = fewer(self.seen, _POINTS)
         now = self.steps[-1].result
-        near = Misfit(now.plant, some)
-        memories = now.misfit.memories(now.vector, near.n_memory)
-        cost = near.cost(near.vector(now.plant, memories, now.misfit.skew(now.vector)))
+        near, there = now.misfit.onto(now.plant, now.vector, some)
+        cost = near.cost(there)
         out = []
         for c in candidates[:_AFRESH]:
             report(0.9, f"trying {c.effect.name} from the beginning")
-            for form in _forms(c.effect, now.plant):
+            for form in forms(c.effect, now.plant):
                 misfit, x = self._begun(joined(now.plant, c.effect.replace(**form)), some, cost)
                 if misfit.cost(x) < (1 - LEAST_SHARE) * cost:
                     out.append((c.effect.name, misfit, x))
@@ -225,7 +224,7 @@ class Search:
         if left > min(t.held_out.total for t in swinging):
             return False
         misfit, x = reading
-        period = misfit.coordinates.decode(x[: misfit.coordinates.size])[TorqueReading.name].values["period"]
+        period = misfit.plant(x)[TorqueReading.name].values["period"]
         share = 1 - left / self.held_out.total
         self.hint = (
             f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
@@ -347,7 +346,7 @@ class Search:
     def shape(self) -> bool:
         """Gives friction another Stribeck curve and more elements where they earn it; whether the curve is another."""
         last = self.steps[-1]
-        if self.simulated or not self.timed:
+        if not self.timed:
             return False
         bent, left = other_curve(last.result, last.held_out)
         result, held_out = more_elements(bent, left)
@@ -424,11 +423,10 @@ class Search:
         """
         some = fewer(self.seen, _POINTS)
         fits: list[tuple[Misfit, Array]] = []
-        for form in _forms(candidate.effect, current.plant):
+        for form in forms(candidate.effect, current.plant):
             plant = joined(current.plant, candidate.effect.replace(**form))
-            misfit = Misfit(plant, some)
-            memories = current.misfit.memories(current.vector, misfit.n_memory)
-            fits.append((misfit, nudge(misfit, misfit.vector(plant, memories, current.misfit.skew(current.vector)))))
+            misfit, x = current.misfit.onto(plant, current.vector, some)
+            fits.append((misfit, nudge(misfit, x)))
             if candidate.strong:
                 strong = candidate.strong.replace(**form)
                 fits.append(self._begun(plant.replace(strong), some, min(m.cost(x) for m, x in fits)))
@@ -458,7 +456,7 @@ class Search:
         out = []
         for name, misfit, x in rough:
             if name == general:
-                plant = misfit.coordinates.decode(x[: misfit.coordinates.size])
+                plant = misfit.plant(x)
                 effect = effects.find(special)
                 values = {p.name: plant[name].values[p.name] for p in effect.parameters}
                 plant = plant.without(name) + effect(None, **values)
@@ -480,7 +478,7 @@ class Search:
 
     def _refitted(self, misfit: Misfit, x: Array) -> FitResult:
         """A rough joint fit, made on some of the observations, taken to its end on all."""
-        return fit_to_end(Misfit(misfit.coordinates.decode(x[: misfit.coordinates.size]), self.seen), x)
+        return fit_to_end(Misfit(misfit.plant(x), self.seen), x)
 
     def best(self, result: FitResult) -> FitResult:
         """The same joint fit, or above the noise floor that from the beginning where it leaves less.
@@ -499,10 +497,8 @@ class Search:
         for form in FORMS.get(name, ()):
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
-                misfit = Misfit(plant, self.seen)
-                memories = result.misfit.memories(result.vector, misfit.n_memory)
-                x = nudge(misfit, misfit.vector(plant, memories, result.misfit.skew(result.vector)))
-                found.append(fit_to_end(misfit, x, below=result.misfit.cost(result.vector)))
+                misfit, x = result.misfit.onto(plant, result.vector, self.seen)
+                found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
         return min(found, key=_error)
 
     def selects(self, result: FitResult) -> bool:
@@ -515,7 +511,7 @@ class Search:
         return after < before
 
 
-def _forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
+def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
     """The forms of an effect, which no fit chooses from; of one that the plant has, the one that it has."""
     return ({},) if effect.name in plant else FORMS.get(effect.name, ({},))
 
