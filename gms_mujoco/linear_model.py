@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from .folds import folds
 from .frf_observation import Seen
 from .held_out import BLOCK, HeldOut
 from .intervals import block_sums
@@ -131,7 +132,7 @@ def _believed(left: Array, fitted: Array, observations: Sequence[Seen]) -> Array
 def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
     """(blocks,) number of the fold of each block of time: those that are left out together.
 
-    Every fifth; of a servo all of one payload and gain, where there are several: an effect has to hold where the fit
+    A fifth; of a servo all of one payload and gain, where there are several: an effect has to hold where the fit
     has not been, and runs of one condition share what is particular to it.
     """
     owner = np.repeat(np.arange(len(observations)), [len(o.index) for o in observations])
@@ -139,7 +140,7 @@ def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
     conditions = [o.condition if isinstance(o, ServoObservation) else None for o in observations]
     kinds = sorted({c for c in conditions if c is not None})
     if len(kinds) < 2:
-        return np.arange(len(starts)) % FOLDS
+        return folds(len(starts), FOLDS)
     return np.array([kinds.index(conditions[i]) for i in owner[starts]])
 
 

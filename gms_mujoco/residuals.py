@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from .folds import folds
 from .motion import REGIMES, Swings, break_away_distance
 from .noise_band import CONFIDENCE, NoiseBand, Z, bartlett, group_means, products
 from .residual_maps import Regime, ResidualMap, where
@@ -29,7 +30,7 @@ Index = NDArray[np.intp]
 _BINS = {"time": 60, "position": 60, "revolution": 72}  # per view; of the others:
 _OTHER_BINS = 40
 _FEWEST = 12  # samples of a bin
-_FOLDS = 24  # stretches of a record, of which every second one predicts the others
+_STRETCHES = 24  # of a record, of which one half predicts the other
 _HARMONICS = 64  # per revolution
 _TIME_HARMONICS = 15
 _LAST = 5  # break-away distances: beyond, friction after a reversal is that of sliding
@@ -361,10 +362,12 @@ def _evenly(phases: Sequence[Array], sectors: int = 72) -> list[Array]:
 
 
 def _predicted(groups: Sequence[Index], values: Sequence[Array], n: int) -> float:
-    """Share of the square about the mean that bins of every second stretch predict of the others, and they of these."""
+    """Share of the square about the mean that bins of half of the stretches predict of the rest, and they of these."""
     group = np.concatenate(groups)
     inside = group >= 0
-    fold = np.concatenate([(np.arange(len(g)) * _FOLDS // max(len(g), 1)) % 2 for g in groups])[inside]
+    halves = folds(_STRETCHES * len(groups), 2).reshape(len(groups), _STRETCHES)
+    of_row = [half[np.arange(len(g)) * _STRETCHES // max(len(g), 1)] for half, g in zip(halves, groups, strict=True)]
+    fold = np.concatenate(of_row)[inside]
     group, value = group[inside], np.concatenate(values)[inside]
     value = value - value.mean()
     left = 0.0

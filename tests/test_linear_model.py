@@ -6,9 +6,10 @@ from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.fit import fit
+from gms_mujoco.folds import folds
 from gms_mujoco.held_out import BLOCK
 from gms_mujoco.intervals import block_sums
-from gms_mujoco.linear_model import LinearModel, cross_validated
+from gms_mujoco.linear_model import FOLDS, LinearModel, cross_validated
 from gms_mujoco.plant import Plant
 
 
@@ -49,11 +50,12 @@ def test_held_out_blocks_are_those_of_an_explicit_refit() -> None:
     block = np.repeat(np.arange(len(lengths)), lengths)
     prior = model.prior * np.eye(len(columns.T))[: model.tangents.shape[1]]
     expected = np.empty(len(lengths))
-    for fold in range(5):
-        rest = block % 5 != fold
+    fold = folds(len(lengths), FOLDS)
+    for left_out in range(FOLDS):
+        rest = fold[block] != left_out
         a = np.vstack([columns[rest], prior])
         b = np.append(residual[rest], np.zeros(len(prior)))
         left = residual - columns @ np.linalg.lstsq(a, b, rcond=None)[0]
-        for k in range(fold, len(lengths), 5):
+        for k in np.flatnonzero(fold == left_out):
             expected[k] = (left[block == k] ** 2).sum()
     np.testing.assert_allclose(got, expected, rtol=1e-3)
