@@ -64,7 +64,9 @@ def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:
         return None
     period = _PERIOD * math.sqrt(square)
     near, there = _joined(misfit, x, TorqueReading(lag=_LAG * lag, period=min(period, _LONGEST)))
-    return near, nudge(near, there)
+    there = nudge(near, there)
+    found = near.coordinates.decode(there[: near.coordinates.size])[TorqueReading.name]
+    return (near, there) if float(found.values["period"]) > 0 else None  # type: ignore[arg-type]
 
 
 def _joined(misfit: Misfit, x: Array, effect: Effect) -> tuple[Misfit, Array]:

@@ -245,7 +245,7 @@ class Search:
         ]
         if not earned:
             return False
-        if self._early(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
+        if self.early(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
             self.first(lambda done, message: None)
             return True
         chosen, others = simplest([t.held_out for t in earned], [t.result.misfit.coordinates.size for t in earned])
@@ -256,7 +256,7 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if (self.shape() and self._needless(name)) or self._early():
+        if (self.shape() and self._needless(name)) or self.early():
             self.first(lambda done, message: None)
         return True
 
@@ -357,7 +357,7 @@ class Search:
                 self.start = self.start.replace(e.replace(stribeck_exponent=exponent))
         return bent is not last.result
 
-    def _early(self, share: float = EARLY_SHARE) -> bool:
+    def early(self, share: float = EARLY_SHARE) -> bool:
         """Lets torques act before their rows, where that explains what an effect has hidden, or may stand for."""
         early = acting_early(self.steps[-1].result, share=share)
         self.seen = early or self.seen

@@ -3,8 +3,10 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from bench import HEALTHY, SAMPLE_TIME, UNKNOWN, J, runs
+from numpy.typing import NDArray
 from scipy import signal
 
 from gms_mujoco import effects
@@ -12,6 +14,7 @@ from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.judgement import AT_FLOOR, Trial
 from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.reading import rung
 from gms_mujoco.record import Record
@@ -35,6 +38,18 @@ def test_a_reading_that_rings_is_seen_at_its_frequency() -> None:
     period = misfit.coordinates.decode(x[: misfit.coordinates.size])["torque_reading"].values["period"]
     assert 1 / (2 * math.pi * float(period)) == pytest.approx(FREQUENCY, rel=0.15)  # type: ignore[arg-type]
     assert misfit.cost(x) < 0.1 * result.misfit.cost(result.vector)
+
+
+def test_a_reading_whose_period_comes_to_nothing_does_not_ring(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is no frequency that could be told of it."""
+
+    def to_nothing(near: Misfit, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        plant = near.plant(x)
+        return near.vector(plant.replace(plant["torque_reading"].replace(period=0.0)))
+
+    result = fit_observations(UNKNOWN, observe([_read(r) for r in runs(HEALTHY)], J))
+    monkeypatch.setattr("gms_mujoco.reading.nudge", to_nothing)
+    assert rung(result.misfit, result.vector) is None
 
 
 def test_an_axis_of_which_a_part_swings_is_no_reading_that_rings() -> None:
