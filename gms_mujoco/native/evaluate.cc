@@ -9,6 +9,7 @@ namespace gms {
 
 namespace {
 
+constexpr double kLoose = 0.3;   // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
 
 // Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
@@ -27,7 +28,8 @@ GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
   x->timestep = m->opt.timestep;
   x->weight = m->dof_invweight0[x->dof];
   x->slope = x->joint->slope(x->timestep);
-  x->implicit = x->integration == 2 || (x->integration == 0 && x->timestep * x->weight * x->slope > kExplicitLimit);
+  x->stiffness = x->timestep * x->slope * x->weight;
+  x->implicit = x->integration == 2 || (x->integration == 0 && x->stiffness > kExplicitLimit);
   g->n_late += x->late();
 }
 
@@ -99,15 +101,19 @@ const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
   return torque;
 }
 
-// Adds the wrenches that act on bodies.
-void add_wrenches(const mjModel* m, const mjData* d, double* tau) {
+bool any_wrench(const mjModel* m, const mjData* d) {
   std::uint64_t any = 0;
   for (int i = 6; i < 6 * m->nbody; i++) {
     std::uint64_t bits;
     std::memcpy(&bits, d->xfrc_applied + i, sizeof bits);
     any |= bits;
   }
-  for (int i = 1; any && i < m->nbody; i++) {
+  return any != 0;
+}
+
+// Adds the wrenches that act on bodies.
+GMS_APART void add_wrenches(const mjModel* m, const mjData* d, double* tau) {
+  for (int i = 1; i < m->nbody; i++) {
     const double* w = d->xfrc_applied + 6 * i;
     if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0 || w[4] != 0 || w[5] != 0) {
       engine.mj_applyFT(m, const_cast<mjData*>(d), w, w + 3, d->xipos + 3 * i, i, tau);
@@ -115,52 +121,107 @@ void add_wrenches(const mjModel* m, const mjData* d, double* tau) {
   }
 }
 
+// MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v. Null where none is damped.
+const double* implicit_damping(const mjModel* m) {
+  if (m->opt.integrator == mjINT_RK4 || m->opt.disableflags & mjDSBL_DAMPER) return nullptr;
+  if (m->opt.integrator == mjINT_EULER && m->opt.disableflags & mjDSBL_EULERDAMP) return nullptr;
+  for (int i = 0; i < m->nv; i++) {
+    if (m->dof_damping[i] != 0) return m->dof_damping;
+  }
+  return nullptr;
+}
+
+// Late joints that are far from stiff, where none is damped: each for itself. What the others do to it is that of the last
+// step, and M is not even solved with: their friction at the end of the last step is their friction at the beginning of
+// this one.
+void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, const double* tau) {
+  const double h = m->opt.timestep;
+  Together t;
+  Alone alone[kTogether];
+  for (int i = 0, n; i < count; i += n) {
+    const Joint* joint = units[i]->joint;
+    for (n = 0; n < joint->at_once() && i + n < count && units[i + n]->joint == joint; n++) {
+      const Unit& x = *units[i + n];
+      double* state = x.state(d);
+      const double *book = state + x.n_state, start = book[kAhead];
+      const Sample now = x.now(d);
+      const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
+      const double free = now.velocity + h * (book[kFromOthers] + x.weight * (tau[x.dof] + start));
+      alone[n] = {now, still, free, h * x.weight, start, x.slope, free};
+      t.state[n] = state;
+    }
+    solve_alone(*joint, n, alone, h, &t);
+    for (int j = 0; j < n; j++) {
+      Unit& x = *units[i + j];
+      apply(&x, d, t.torque[j]);
+      x.own = tau[x.dof] + t.torque[j];
+      x.book(d)[kNextSlope] = -1;
+    }
+  }
+}
+
+// The others: see Implicit.
+GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, const double* damping) {
+  Implicit::Unit few[kFew], *units = count <= kFew ? few : g->many.data();
+  for (int i = 0; i < count; i++) {
+    const Unit& x = *g->active[i];
+    const double* book = x.book(d);
+    auto& u = units[i];
+    u.joint = x.joint;
+    u.dof = x.dof;
+    u.weight = x.weight;
+    u.steepest = x.slope;
+    u.now = x.now(d);
+    u.state = x.state(d);
+    u.torque = book[kAhead];
+    u.slope = book[kSlope];
+  }
+  const Inertia inertia{{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind}, d->M, d->qLD, d->qLDiagInv};
+  g->implicit.units = units;
+  g->implicit.solve(count, inertia, damping, d->qvel, g->tau.data(), m->opt.timestep);
+  for (int i = 0; i < count; i++) {
+    Unit* x = g->active[i];
+    apply(x, d, units[i].torque);
+    x->own = g->tau[x->dof] + units[i].torque;
+    x->book(d)[kNextSlope] = units[i].slope;
+  }
+}
+
 // Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
 void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
-  Implicit::Unit few[kFew], *units = g->n_late <= kFew ? few : g->many.data();
   int n = 0;
+  bool loose = true;
   for (Instance* instance : g->instances) {
     for (Unit& x : instance->units) {
       if (!x.late() || x.asleep(d)) continue;
-      double *state = x.state(d), *book = state + x.n_state;
+      const double* state = x.state(d);
       if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
       if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote
         x.base += d->qfrc_passive[x.dof] - x.sum;
         x.sum = d->qfrc_passive[x.dof];
       }
-      g->active[n] = &x;
-      auto& u = units[n++];
-      u.joint = x.joint;
-      u.dof = x.dof;
-      u.weight = x.weight;
-      u.steepest = x.slope;
-      u.now = x.now(d);
-      u.state = state;
-      u.torque = book[kAhead];
-      u.slope = book[kSlope];
-      u.from_others = book[kFromOthers];
+      loose &= x.stiffness <= kLoose && state[x.n_state + kFromOthers] != kInfinity;
+      g->active[n++] = &x;
     }
   }
   if (n == 0) return;
 
   double* tau = g->tau.data();
-  for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
+  const double* damping = implicit_damping(m);
+  const bool wrenches = any_wrench(m, d);
+  loose &= !damping;
+  for (int i = 0; (wrenches || !loose) && i < m->nv; i++) {
+    tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
+  }
   for (int i = 0; i < n; i++) {
     const Unit* x = g->active[i];
     tau[x->dof] = x->base - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
   }
-  add_wrenches(m, d, tau);
-  // MuJoCo damps a joint implicitly, except under RK4: torque -D v+ where qfrc_passive has -D v.
-  const bool damped = m->opt.integrator != mjINT_RK4 && !(m->opt.disableflags & mjDSBL_DAMPER) &&
-                      !(m->opt.integrator == mjINT_EULER && (m->opt.disableflags & mjDSBL_EULERDAMP));
-  const Inertia inertia{{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind}, d->M, d->qLD, d->qLDiagInv};
-  g->implicit.units = units;
-  g->implicit.solve(n, inertia, damped ? m->dof_damping : nullptr, d->qvel, tau, m->opt.timestep);
-  for (int i = 0; i < n; i++) {
-    const auto& u = units[i];
-    apply(g->active[i], d, u.torque);
-    g->active[i]->own = tau[u.dof] + u.torque;
-    g->active[i]->book(d)[kNextSlope] = u.slope;
+  if (wrenches) add_wrenches(m, d, tau);
+  if (loose) {
+    solve_loose(m, d, g->active.data(), n, tau);
+  } else {
+    solve_implicit(m, d, g, n, damping);
   }
 }
 

@@ -12,7 +12,6 @@ constexpr double kSoft = 0.05;      // h slope / inertia below which a tangent m
 constexpr double kLeft = 0.05;      // error that may be left, in parts of the change of torque over the step
 constexpr double kFine = 1e-3;      // how far a stiff neighbour may be put off, in parts of the torque
 constexpr double kStiff = 1;        // h slope / inertia from which joints are solved for together
-constexpr double kLoose = 0.3;      // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr int kIterations = 12;
 
 void multiply(const Inertia& tree, const double* x, double* y) {
@@ -36,7 +35,6 @@ void Implicit::reserve(int n_units, int n, int n_value) {
   for (std::vector<double>* v : {&free_, &push_, &solved_}) v->resize(n_units);
   response_.resize(n_units * n_units);
   search_.resize(n_units);
-  open_.resize(n_units);
 }
 
 // The factor of M + by e_k e_k', which changes along the path from k to the root alone (Gill, Golub, Murray and Saunders,
@@ -167,60 +165,61 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   return false;
 }
 
-// The law at the velocities `origin` of some units, given by number, into `torque`.
-void Implicit::evaluate(const int* number, int count, const double* velocity, double h) {
-  for (int i = 0, n; i < count; i += n) {
-    const Joint* joint = units[number[i]].joint;
-    Together t;
-    for (n = 0; n < joint->at_once() && i + n < count && units[number[i + n]].joint == joint; n++) {
-      const Unit& u = units[number[i + n]];
-      const double v = u.origin, side = v > u.still ? 1 : v < u.still ? -1 : sign(velocity[u.dof]);
-      t.motion[n] = Joint::ahead(u.now, u.state, h, v, side);
-      t.state[n] = u.state;
-      t.room[n] = t.numbers + n * joint->n_state();
+bool Alone::settled(double torque) {
+  const double change = torque - start, off = free + gain * change - at, away = at - still;
+  // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
+  const double chord = std::max(0.0, away == 0 ? 0 : -change / away);
+  const bool onward = away * (now.velocity - still) > 0;
+  if (std::fabs(off) * (onward ? chord : steepest) <= kLeft * std::fabs(change)) return true;
+  at += off / (1 + gain * chord);
+  return false;
+}
+
+void solve_alone(const Joint& joint, int count, Alone* alone, double h, Together* t) {
+  const auto side = [](const Alone& x) { return x.at > x.still ? 1 : x.at < x.still ? -1 : sign(x.now.velocity); };
+  for (int j = 0; j < count; j++) {
+    const Alone& x = alone[j];
+    t->motion[j] = Joint::ahead(x.now, t->state[j], h, x.at, side(x));
+    t->room[j] = t->numbers + j * joint.n_state();
+  }
+  joint.torques(count, t->motion, t->state, t->room, t->torque);
+  for (int j = 0; j < count; j++) {
+    Alone& x = alone[j];
+    for (int looks = 1; !x.settled(t->torque[j]) && looks < 4; looks++) {
+      t->torque[j] = joint.torque_ahead(x.now, t->state[j], h, x.at, side(x));
     }
-    joint->torques(n, t.motion, t.state, t.room, t.torque);
-    for (int j = 0; j < n; j++) units[number[i + j]].torque = t.torque[j];
   }
 }
 
-void Implicit::solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h) {
-  for (int i = 0; i < count; i++) {
-    Unit& u = units[i];
-    u.start = u.torque;
-    u.origin = velocity[u.dof] + dv[u.dof];
-    u.slope = -1;
-    open_[i] = i;
-  }
-  for (int k = 0; k < 4 && count > 0; k++) {
-    evaluate(open_.data(), count, velocity, h);
-    int left = 0;
-    for (int j = 0; j < count; j++) {
-      Unit& u = units[open_[j]];
-      const double now = velocity[u.dof], free = now + dv[u.dof], v = u.origin;
+void Implicit::each_alone(int count, const double* damping, const double* dv, double h) {
+  Together t;
+  Alone alone[kTogether];
+  for (int i = 0, n; i < count; i += n) {
+    const Joint* joint = units[i].joint;
+    for (n = 0; n < joint->at_once() && i + n < count && units[i + n].joint == joint; n++) {
+      const Unit& u = units[i + n];
+      const double free = u.now.velocity + dv[u.dof];
       const double gain = damping ? h * u.weight / (1 + h * u.weight * damping[u.dof]) : h * u.weight;
-      const double change = u.torque - u.start, off = free + gain * change - v, away = v - u.still;
-      // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
-      const double chord = std::max(0.0, away == 0 ? 0 : -change / away);
-      const bool onward = away * (now - u.still) > 0;
-      if (std::fabs(off) * (onward ? chord : u.steepest) <= kLeft * std::fabs(change)) continue;
-      u.origin = v + off / (1 + gain * chord);
-      open_[left++] = open_[j];
+      alone[n] = {u.now, u.still, free, gain, u.torque, u.steepest, free};
+      t.state[n] = u.state;
     }
-    count = left;
+    solve_alone(*joint, n, alone, h, &t);
+    for (int j = 0; j < n; j++) {
+      units[i + j].torque = t.torque[j];
+      units[i + j].slope = -1;
+    }
   }
 }
 
 void Implicit::solve(int count, const Inertia& inertia, const double* damping, const double* velocity,
                      const double* tau, double h) {
   const int n = inertia.n;
-  bool stiff = false, damped = false, known = true;
+  bool stiff = false, damped = false;
   for (int i = 0; i < count; i++) {
     Unit& u = units[i];
     u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
     stiff |= h * u.steepest * u.weight > kStiff;
     stiffest_ = std::max(i == 0 ? 0 : stiffest_, h * u.steepest * u.weight);
-    known &= u.from_others != kInfinity && h * u.steepest * u.weight <= kLoose;
   }
   for (int i = 0; damping && !damped && i < n; i++) damped = damping[i] != 0;
   for (int i = 0; stiff && i < count; i++) {
@@ -236,13 +235,6 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
   }
 
   double* dv = change_.data();
-  if (!stiff && !damped && known) {
-    for (int i = 0; i < count; i++) {
-      const Unit& u = units[i];
-      dv[u.dof] = h * (u.from_others + u.weight * (tau[u.dof] + u.torque));
-    }
-    return solve_alone(count, nullptr, velocity, dv, h);
-  }
   bool factored = false;
   for (int iteration = 0; iteration < kIterations; iteration++) {
     bool holds = false, level = !damped && inertia.factor;
@@ -271,7 +263,7 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
       }
       substitute(inertia, factor_.data(), diagonal_.data(), dv);
     }
-    if (!stiff) return solve_alone(count, damped ? damping : nullptr, velocity, dv, h);
+    if (!stiff) return each_alone(count, damped ? damping : nullptr, dv, h);
     if (holds) multiply(inertia, dv, product_.data());
     bool done = true;
     for (int i = 0; i < count; i++) {

@@ -15,6 +15,21 @@ struct Inertia : Tree {
   const double *factor, *inverse_diagonal;
 };
 
+// A joint that is solved for alone: v = free + gain (f(v) - start).
+struct Alone {
+  Sample now;
+  double still;            // velocity of no displacement since the anchor
+  double free, gain;       // velocity at the end of the step with the torque `start`; its change with torque
+  double start, steepest;  // torque at the anchor; Joint::slope
+  double at;               // where the law is looked at: to begin with, `free`
+
+  // Whether the law found there may stay. If not, `at` is where to look next.
+  bool settled(double torque);
+};
+
+// Solves for so many joints with this friction, each alone, over a step h, from t->state; into t->torque.
+void solve_alone(const Joint& joint, int count, Alone* alone, double h, Together* t);
+
 // Finds the torques f that solve, for all joints together,
 //   (M + h D) dv = h (tau + f),  f_i in f_i(q_i + h (v_i + dv_i), v_i + dv_i).
 //
@@ -26,9 +41,7 @@ struct Inertia : Tree {
 // joint does.
 //
 // Where no joint is stiff (h slope / inertia < 1), each is solved for alone, the others having the torque they began
-// the step with: the coupling of the changes is then as explicit as all the rest of the step, and M is not factored. Below
-// 0.3 what the others do to a joint is that of the last step, and M is not even solved with: their friction at the end of
-// the last step is their friction at the beginning of this one.
+// the step with: the coupling of the changes is then as explicit as all the rest of the step, and M is not factored.
 class Implicit {
  public:
   struct Unit {
@@ -40,7 +53,6 @@ class Implicit {
     double* state;        // the joint's, at the anchor
     double torque;        // in: at the anchor; out: over the step
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
-    double from_others;   // acceleration beside weight times torque, in the last step; infinite: not known
 
     // Of the solution; first what joints that are not stiff use, too.
     double start, still, origin;        // torque at the anchor; velocity of no displacement; point of the tangent
@@ -65,8 +77,7 @@ class Implicit {
   bool settled(Unit* unit, double velocity, double now, double reaction, double h) const;
   void tangent(Unit* unit, double at, double h) const;
   void hold_or_start(Unit* unit, double side, double h) const;
-  void evaluate(const int* number, int count, const double* velocity, double h);
-  void solve_alone(int count, const double* damping, const double* velocity, const double* dv, double h);
+  void each_alone(int count, const double* damping, const double* dv, double h);
   void refresh(int count, const Inertia& inertia, const double* damping, double h, bool anew);
   void update(const Tree& tree, int k, double by);
   void sweep(int count, const Inertia& inertia, const double* damping, const double* velocity, const double* tau, double h);
@@ -74,7 +85,6 @@ class Implicit {
   std::vector<double> factor_, diagonal_, path_, change_, product_, response_, free_, push_, solved_;
   std::vector<Joint::Search> search_;
   double stiffest_;        // the largest h slope / inertia
-  std::vector<int> open_;  // units that are not solved for yet
 };
 
 }  // namespace gms

@@ -41,7 +41,7 @@ struct Unit {  // one joint
   const Joint* joint = nullptr;
   int dof = -1, qpos = -1, tree = -1, state_start = -1, n_state = 0, integration = 0;
   bool implicit = false, reads_load = false;
-  double timestep = -1, weight = -1, slope = 0;  // for which `implicit` was chosen
+  double timestep = -1, weight = -1, slope = 0, stiffness = 0;  // for which `implicit` was chosen; their product
   // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
   // put that back, and qfrc_passive stays.
   double base = 0, sum = 0;

@@ -45,7 +45,6 @@ class SingleAxis {
       unit.state = state_.data();
       unit.torque = f;
       unit.slope = slope_;
-      unit.from_others = kInfinity;
       solver_.units = &unit;
       solver_.solve(1, inertia, nullptr, &now.velocity, &applied, h_);
       f = unit.torque;
