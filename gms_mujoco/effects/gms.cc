@@ -42,30 +42,40 @@ double left_of(const double* c, const Motion& m, double level) {
 // is carried over a reversal.
 double against(const Level& at, double direction) { return at.at(at.drops ? direction : -direction); }
 
-// Each element sticks or slides at `level`, of which `left` is what has not decayed over the interval. Without branches,
-// so that compilers take several elements at a time, and nobody has to guess what an element does.
-GMS_APART double move(const double* p, int n, const Motion& m, const Level& at, double level, double left,
-                   const double* __restrict state, double* __restrict next) {
-  const double *stiffness = p, *fraction = p + n;
+// What the elements of a joint need to know of an interval in which it has moved.
+struct Way {
+  double direction, distance;
+  double level, left;  // most that an element carries along the motion, of its fraction; what has not decayed
+  double lowest;       // what it may carry against the motion, of its fraction; below 0
+  bool slips_back;     // whether what falls below that slips
+};
+
+Way way_of(const double* p, int n, const Motion& m, const Level& at, double level, double left) {
   const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
-  const double most = p[2 * n + 1] * against(at, direction);
-  const double distance = (at.stiffens ? scale : 1) * std::fabs(m.displacement);
-  const bool slips_back = at.stiffens && scale < at.at(-direction);
+  return {direction, (at.stiffens ? scale : 1) * std::fabs(m.displacement), level, left,
+          -p[2 * n + 1] * against(at, direction), at.stiffens && scale < at.at(-direction)};
+}
+
+// Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
+// so that compilers take several elements at a time, and nobody has to guess what an element does.
+inline double move(const double* p, int n, const Way& way, const double* __restrict state, double* __restrict next) {
+  const double *stiffness = p, *fraction = p + n;
+  const Way x = way;  // `next` does not write into it
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
-    const double before = direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
-    const double limit = fraction[i] * level, lowest = -fraction[i] * most, stuck = before + stiffness[i] * distance;
+    const double before = x.direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
+    const double limit = fraction[i] * x.level, lowest = fraction[i] * x.lowest, stuck = before + stiffness[i] * x.distance;
     // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
     // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
     // before falls to what friction now lets it carry, and it sticks at that: whether a limit that drops, as with the load,
     // overtakes a force that unwinds is a matter of noise and of the step. Where it comes to a direction in which it is
     // weaker as a whole it gives way instead.
-    const bool goes_on = slip == direction, below = stuck < lowest;
-    const bool slips = goes_on | (stuck > limit) | (slips_back & below);
+    const bool goes_on = slip == x.direction, below = stuck < lowest;
+    const bool slips = goes_on | (stuck > limit) | (x.slips_back & below);
     const double least = below ? lowest - limit : 0, beyond = before - limit;
     const double over = goes_on | (beyond > least) ? beyond : least;
-    next[2 * i + kForce] = direction * (slips ? limit + over * left : below ? lowest : stuck);
-    next[2 * i + kSlip] = slips ? direction : 0;
+    next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : below ? lowest : stuck);
+    next[2 * i + kSlip] = slips ? x.direction : 0;
   }
   double total = 0;
   for (int i = 0; i < n; i++) total += next[2 * i + kForce];
@@ -77,12 +87,14 @@ void torques(const double* p, int n, int count, const Motion* m, const Level* le
              const double* const* state, double* const* next, double* out) {
   const double* c = p + 2 * n;
   double s[gms::kTogether], left[gms::kTogether];
+  Way way[gms::kTogether];
   for (int j = 0; j < count; j++) s[j] = level_of(c, m[j], level[j].at(m[j].displacement));
   for (int j = 0; j < count; j++) left[j] = left_of(c, m[j], s[j]);
+  for (int j = 0; j < count; j++) way[j] = way_of(p, n, m[j], level[j], s[j], left[j]);
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
-    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p, n, m[j], level[j], s[j], left[j], from, to);
+    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p, n, way[j], from, to);
   }
 }
 
@@ -103,7 +115,7 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
     s[j] = known[j] ? s[j - 1] : level_of(p[j] + 2 * n, m, level[j].at(m.displacement));
   }
   for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, s[j]);
-  for (int j = 0; j < count; j++) out[j] = move(p[j], n, m, level[j], s[j], left[j], state[j], next[j]);
+  for (int j = 0; j < count; j++) out[j] = move(p[j], n, way_of(p[j], n, m, level[j], s[j], left[j]), state[j], next[j]);
 }
 
 double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
@@ -118,7 +130,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
     const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
     if (state[2 * i + kSlip] == direction || !(force <= fraction[i] * least && force >= -fraction[i] * most)) {
       const double s = level_of(p + 2 * n, m, scale);
-      return move(p, n, m, level, s, left_of(p + 2 * n, m, s), state, next);
+      return move(p, n, way_of(p, n, m, level, s, left_of(p + 2 * n, m, s)), state, next);
     }
     next[2 * i + kForce] = direction * force;
     next[2 * i + kSlip] = 0;
