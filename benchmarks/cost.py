@@ -3,8 +3,7 @@
 Servo axis, seven-joint arm, and a humanoid of 27 driven hinges that stands on a floor; four elements on every hinge.
 The variants take turns in short rounds of one process, pushed by the same torques, in every round others; the figure is
 the median over the rounds of the ratio to the plain model in the same round, with the quartiles. A plug-in that does
-nothing shows what MuJoCo takes for calling one: the least that any plug-in can cost. Joints with the same friction
-share an instance; where no two are alike MuJoCo calls one for each.
+nothing shows what MuJoCo takes for calling one: the least that any plug-in can cost.
 Friction calms a motion, and with it the work of contacts and limits, ours as theirs: so each is also set over the plain
 model on the same motion, which gets the torque of the friction applied. Then a batch on one thread and on all. Last,
 instructions by callgrind, which no neighbour disturbs: those of a step beyond the plain one, per joint and element.

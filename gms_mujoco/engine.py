@@ -1,9 +1,9 @@
 """Friction inside MuJoCo: the plug-in, its attachment to named joints, the control callback, the readout.
 
-Importing this module registers the plug-in `gms`, so that a saved MJCF loads. Joints with the same
-friction share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
-friction of a joint takes. Instances hang on the bodies of their joints, so that they come along when a model is
-attached to another.
+Importing this module registers the plug-in `gms`, so that a saved MJCF loads. All joints that are given friction at
+once share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
+friction of a joint takes. It hangs on the bodies of its joints, so that it comes along when a model is attached to
+another.
 """
 
 from __future__ import annotations
@@ -109,13 +109,17 @@ def attach(
         joint = spec.joint(name)
         _warn(joint, plant)
         _uncouple(joint, plant)
-        natives = [e for e in plant.effects if e.is_native]
+        natives = _natives(plant)
         if natives:
-            alone = name if name.split() != [name] else ""  # cannot stand in a list of names
+            alone = name if name.replace(";", " ").split() != [name] else ""  # cannot stand in a list of names
             alike.setdefault((alone, *_config(natives, integration).items()), []).append(joint)
-    for (_, *config), joints in alike.items():
-        _add_instance(spec, joints, dict(config))
-        _add_sensors(spec, joints, sensors, chosen[joints[0].name].joint().n_state - native.ANCHOR)
+    instances: dict[str, list[tuple[list[Any], dict[str, str]]]] = {}
+    for (alone, *config), joints in alike.items():
+        instances.setdefault(alone, []).append((joints, dict(config)))
+    for parts in instances.values():
+        _add_instance(spec, parts)
+    for reads in sensors:
+        _add_sensors(spec, reads, {name: plant for name, plant in chosen.items() if _natives(plant)})
     for name, plant in chosen.items():
         for e in sorted(plant.effects, key=lambda e: e.kind != "controller"):  # the actuators first
             e.edit(spec, name)
@@ -157,7 +161,7 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
     if unset:
         raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
     for p in spec.plugins:
-        if p.plugin_name == PLUGIN and joint.name in (p.name, *p.config.get("joint", "").split()):
+        if p.plugin_name == PLUGIN and joint.name in (p.name, *p.config.get("joint", "").replace(";", " ").split()):
             raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
         if p.name == joint.name:
             raise ModelError(f"a {p.plugin_name} instance is called {p.name!r} as the joint is; rename one of them")
@@ -196,12 +200,22 @@ def _uncouple(joint: Any, plant: Plant) -> None:
     joint.armature = max(joint.armature - hidden, 0.0)
 
 
-def _add_instance(spec: mujoco.MjSpec, joints: list[Any], config: dict[str, str]) -> None:
-    """One instance for joints with the same friction: named after the only one, else after the first."""
+def _natives(plant: Plant) -> list[Effect]:
+    return [e for e in plant.effects if e.is_native]
+
+
+def _add_instance(spec: mujoco.MjSpec, parts: list[tuple[list[Any], dict[str, str]]]) -> None:
+    """One instance, named after the only joint or the first. `parts`: joints with the same friction, and its config."""
+    parts = sorted(parts, key=lambda part: _shape(part[1]))  # joints with the same effects are evaluated together
+    joints = [j for some, _ in parts for j in some]
     name = joints[0].name
+    config = {}
+    for key in dict.fromkeys(key for _, part in parts for key in part):
+        values = [part.get(key, "") for _, part in parts]
+        config[key] = values[0] if len(set(values)) == 1 else "; ".join(values)
     if len(joints) > 1:
         name += "_and_others"
-        config = config | {"joint": " ".join(j.name for j in joints), "name": name}
+        config |= {"joint": "; ".join(" ".join(j.name for j in some) for some, _ in parts), "name": name}
     spec.activate_plugin(PLUGIN)
     instance = spec.add_plugin(name=name, plugin_name=PLUGIN, active=True)
     instance.config = config
@@ -216,18 +230,44 @@ def _add_instance(spec: mujoco.MjSpec, joints: list[Any], config: dict[str, str]
         body.plugin = instance
 
 
-def _add_sensors(spec: mujoco.MjSpec, joints: list[Any], sensors: Collection[str], n_state: int) -> None:
-    """Sensors of joints with the same friction, `n_state` numbers of state each."""
-    for reads in sensors:
-        if reads == "states" and not n_state:
+def _shape(config: dict[str, str]) -> list[tuple[str, int]]:
+    """Effects and numbers of elements."""
+    return [("effects " + config["effects"], 0), *((key, len(text.split())) for key, text in config.items())]
+
+
+def served(instance: Any) -> list[tuple[list[str], dict[str, str]]]:
+    """The joints of an instance and their config, those with the same friction together.
+
+    A model that has joined another has brought a prefix and a suffix along.
+    """
+    config = dict(instance.config)
+    if "joint" not in config:
+        return [([instance.name], config)]
+    before, _, after = instance.name.partition(config.pop("name", instance.name))
+    lists = config.pop("joint").split(";")
+    values = {key: text.split(";") if ";" in text else [text] * len(lists) for key, text in config.items()}
+    return [
+        ([f"{before}{name}{after}" for name in names.split()], {key: part[i].strip() for key, part in values.items()})
+        for i, names in enumerate(lists)
+    ]
+
+
+def _add_sensors(spec: mujoco.MjSpec, reads: str, plants: Mapping[str, Plant]) -> None:
+    """Sensors for joints, those of one size in one instance."""
+    sizes: dict[int, list[str]] = {}
+    for name, plant in plants.items():
+        size = plant.joint().n_state - native.ANCHOR if reads == "states" else 1
+        sizes.setdefault(size, []).append(name)
+    for size, names in sizes.items():
+        if not size:
             continue
         spec.activate_plugin(SENSOR)
-        instance = spec.add_plugin(name=f"{joints[0].name}_friction_{reads}", plugin_name=SENSOR, active=True)
-        instance.config = {"reads": reads} | ({"size": str(n_state)} if reads == "states" else {})
-        for joint in joints:
+        instance = spec.add_plugin(name=f"{names[0]}_friction_{reads}", plugin_name=SENSOR, active=True)
+        instance.config = {"reads": reads} | ({"size": str(size)} if reads == "states" else {})
+        for name in names:
             sensor = spec.add_sensor(
-                name=f"{joint.name}_friction_{reads}", type=mujoco.mjtSensor.mjSENS_PLUGIN,
-                objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint.name,
+                name=f"{name}_friction_{reads}", type=mujoco.mjtSensor.mjSENS_PLUGIN,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name,
             )  # fmt: skip
             sensor.plugin = instance
 

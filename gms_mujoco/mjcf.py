@@ -24,7 +24,7 @@ import numpy as np
 
 from . import effects
 from .effect import Effect
-from .engine import PLUGIN, spec_of
+from .engine import PLUGIN, served, spec_of
 from .errors import ModelError, listing
 from .plant import Plant
 from .version import __version__
@@ -102,28 +102,18 @@ def _added(plant: Plant, effect: Effect, joint: str) -> Plant:
 
 
 def _attached(spec: mujoco.MjSpec, joint: str) -> list[Effect]:
-    """The effects of the plug-in instance that serves the joint."""
-    for p in spec.plugins:
-        if p.plugin_name != PLUGIN or joint not in _served(p):
-            continue
-        values: dict[str, dict[str, Any]] = {name: {} for name in p.config["effects"].split()}
-        for key, text in p.config.items():
+    """The effects that the plug-in gives the joint."""
+    ours = [part for p in spec.plugins if p.plugin_name == PLUGIN for part in served(p)]
+    for config in (config for names, config in ours if joint in names):
+        values: dict[str, dict[str, Any]] = {name: {} for name in config["effects"].split()}
+        for key, text in config.items():
             name, _, parameter = key.partition(".")
-            if name in values and parameter:
+            if name in values and parameter and text:
                 numbers = [float(x) for x in text.split()]
                 each = next((q.per_element for q in effects.find(name).parameters if q.name == parameter), True)
                 values[name][parameter] = numbers if each else numbers[0]
         return [effects.find(name)(**given) for name, given in values.items()]
     return []
-
-
-def _served(instance: Any) -> list[str]:
-    """Names of the joints of an instance; a model that has joined another has brought a prefix and a suffix along."""
-    config = instance.config
-    if "joint" not in config:
-        return [instance.name]
-    before, _, after = instance.name.partition(config.get("name", instance.name))
-    return [f"{before}{name}{after}" for name in config["joint"].split()]
 
 
 def _own(spec: mujoco.MjSpec, joint: Any, left_out: list[str]) -> list[Effect]:

@@ -11,6 +11,7 @@ from axes import AXIS, BEARING, DRY, axis, run, stick_slip
 
 from gms_mujoco import effects, engine
 from gms_mujoco.errors import EngineError, ModelError
+from gms_mujoco.mjcf import plant_of_joint
 from gms_mujoco.plant import Plant
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
@@ -255,6 +256,89 @@ def test_sharing_changes_no_bit():
         out.append(data.qpos.copy())
     assert alone.compile().nplugin == 2
     assert np.array_equal(*out)
+
+
+def seven_plants():
+    """Three laws with four and two elements, some alike, on the seven joints of the arm."""
+    stiff = effects.GMS(
+        stiffness=[900, 400], fraction=[0.4, 0.6], coulomb=1.5, static=2, stribeck_velocity=0.3, attraction=40
+    )
+    laws = (
+        Plant.axis() + stiff,
+        Plant.axis() + effects.Cogging(harmonics=[8], amplitude=[0.2], phase=[0.3]) + effects.Coulomb(coulomb=1.0),
+        Plant.axis() + stiff.replace(coulomb=1.2) + effects.Viscous(coefficient=0.3),
+        Plant.axis() + stiff.replace(coulomb=1.0, stribeck_exponent=2.0),
+        Plant.axis() + stiff,
+        Plant.axis() + stiff.replace(coulomb=1.1) + effects.Viscous(coefficient=0.2),
+        Plant.load(MODELS / "arm_joint.toml"),
+    )
+    spec = mujoco.MjSpec.from_file(str(MODELS / "arm.xml"))
+    return dict(zip((j.name for j in spec.joints), laws, strict=True))
+
+
+@pytest.mark.parametrize("integration", ["auto", "explicit", "implicit"])
+def test_joints_of_different_friction_share_an_instance_and_no_bit_changes(integration):
+    plants = seven_plants()
+    shared = engine.attach(MODELS / "arm.xml", plants, integration)
+    alone = mujoco.MjSpec.from_file(str(MODELS / "arm.xml"))
+    for name, plant in plants.items():
+        engine.attach(alone, {name: plant}, integration)
+    models = [mujoco.MjModel.from_xml_string(spec.to_xml()) for spec in (shared, alone) if spec.compile()]
+    assert [m.nplugin for m in models] == [1, 7]
+    datas = [mujoco.MjData(m) for m in models]
+    for model, data in zip(models, datas, strict=True):
+        data.qvel[:] = 1
+        mujoco.mj_step(model, data, 20)
+        mujoco.mj_resetData(model, data)
+        for k in range(300):
+            data.qfrc_applied[:] = 3 * np.sin(0.1 * k + np.arange(7))
+            mujoco.mj_step(model, data)
+        assert np.array_equal(data.qpos, datas[0].qpos)
+    for name in plants:
+        readings = [engine.friction(m, d, name) for m, d in zip(models, datas, strict=True)]
+        for reading in readings[1:]:
+            assert reading.torque == readings[0].torque and list(reading.states) == list(readings[0].states)
+            for law, states in reading.states.items():
+                assert np.array_equal(states, readings[0].states[law])
+    for name, plant in plants.items():
+        found = plant_of_joint(shared, name)
+        for effect in plant.effects:
+            assert not effect.is_native or found[effect.name].values == effect.values
+
+
+def test_joints_of_different_friction_are_each_read_by_sensors():
+    plants = seven_plants()
+    model = engine.attach(MODELS / "arm.xml", plants, sensors=engine.READINGS).compile()
+    data = mujoco.MjData(model)
+    for k in range(100):
+        data.qfrc_applied[:] = 3 * np.sin(0.1 * k + np.arange(7))
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    for name in plants:
+        reading = engine.friction(model, data, name)
+        assert data.sensor(f"{name}_friction_torque").data == reading.torque
+        assert data.sensor(f"{name}_friction_power").data == reading.power
+        states = np.concatenate([[], *reading.states.values()])
+        assert not states.size or np.array_equal(data.sensor(f"{name}_friction_states").data, states)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('key="gms.coulomb" value="0.0045; 0.004"', 'key="gms.coulomb" value="0.0045; 0.004; 1"', "3 parts .* joint 2"),
+        ('key="joint" value="shoulder; elbow"', 'key="joint" value="shoulder; elbow;"', "2 parts .* joint 3"),
+        ('key="joint" value="shoulder; elbow"', 'key="joint" value="shoulder; "', "at least one between semicolons"),
+        ('key="joint" value="shoulder; elbow"', 'key="joint" value="shoulder; shoulder"', "has friction already"),
+        ('key="gms.coulomb" value="0.0045; 0.004"', 'key="gms.coulomb" value="; 0.004"', "gms.coulomb has no value"),
+    ],
+)
+def test_parts_that_do_not_belong_together_are_refused(old, new, message):
+    other = BEARING.replace(BEARING["gms"].replace(coulomb=4e-3))
+    good = engine.attach(two_joint_arm(), {"shoulder": BEARING, "elbow": other}).to_xml()
+    mujoco.MjData(mujoco.MjModel.from_xml_string(good))
+    assert old in good
+    with pytest.raises(ValueError, match=message):
+        mujoco.MjModel.from_xml_string(good.replace(old, new))
 
 
 def test_a_joint_with_a_blank_in_its_name():

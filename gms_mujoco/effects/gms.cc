@@ -83,18 +83,17 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
 }
 
 // One step after the other for all joints: nothing waits for the joint before, and nobody guesses what it does.
-void torques(const double* p, int n, int count, const Motion* m, const Level* level, int at,
+void torques(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
              const double* const* state, double* const* next, double* out) {
-  const double* c = p + 2 * n;
   double s[gms::kTogether], left[gms::kTogether];
   Way way[gms::kTogether];
-  for (int j = 0; j < count; j++) s[j] = level_of(c, m[j], level[j].at(m[j].displacement));
-  for (int j = 0; j < count; j++) left[j] = left_of(c, m[j], s[j]);
-  for (int j = 0; j < count; j++) way[j] = way_of(p, n, m[j], level[j], s[j], left[j]);
+  for (int j = 0; j < count; j++) s[j] = level_of(p[j] + 2 * n, m[j], level[j].at(m[j].displacement));
+  for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], s[j]);
+  for (int j = 0; j < count; j++) way[j] = way_of(p[j], n, m[j], level[j], s[j], left[j]);
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
-    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p, n, way[j], from, to);
+    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way[j], from, to);
   }
 }
 

@@ -105,12 +105,12 @@ struct Effect {
   // alike in both directions half is then enough.
   bool turns_round = false;
 
-  // What `torque` gives, to the last bit, for up to kTogether joints with the same parameters, of which each has its
-  // motion, level and states, from number `at` of theirs on: for speed alone. Null: `torque` is called for each.
-  void (*torques)(const double* p, int n, int count, const Motion* motion, const Level* level, int at,
+  // What `torque` gives, to the last bit, for up to kTogether joints, of which each has its parameters, motion, level and
+  // states, from number `at` of theirs on: for speed alone. Null: `torque` is called for each.
+  void (*torques)(const double* const* p, int n, int count, const Motion* motion, const Level* level, int at,
                   const double* const* state, double* const* next, double* torque) = nullptr;
 
-  // The same for joints that move alike, each with parameters of its own.
+  // The same for joints that move alike.
   void (*alternatives)(const double* const* p, int n, int count, const Motion& motion, const Level* level,
                        const double* const* state, double* const* next, double* torque) = nullptr;
 };

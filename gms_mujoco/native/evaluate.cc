@@ -140,7 +140,7 @@ void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, con
   Alone alone[kTogether];
   for (int i = 0, n; i < count; i += n) {
     const Joint* joint = units[i]->joint;
-    for (n = 0; n < joint->at_once() && i + n < count && units[i + n]->joint == joint; n++) {
+    for (n = 0; n < joint->at_once() && i + n < count && units[i + n]->joint->alike(*joint); n++) {
       const Unit& x = *units[i + n];
       double* state = x.state(d);
       const double *book = state + x.n_state, start = book[kAhead];
@@ -148,9 +148,10 @@ void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, con
       const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
       const double free = now.velocity + h * (book[kFromOthers] + x.weight * (tau[x.dof] + start));
       alone[n] = {now, still, free, h * x.weight, start, x.slope, free};
+      t.joint[n] = x.joint;
       t.state[n] = state;
     }
-    solve_alone(*joint, n, alone, h, &t);
+    solve_alone(n, alone, h, &t);
     for (int j = 0; j < n; j++) {
       Unit& x = *units[i + j];
       apply(&x, d, t.torque[j]);
@@ -285,31 +286,32 @@ void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bia
 }
 
 void advance(const mjModel* m, mjData* d, Instance* instance) {
-  const Joint& joint = *instance->joint;
-  const int size = joint.n_state();
   if (instance->units.size() == 1 && !instance->units[0].asleep(d)) {
     const Unit& x = instance->units[0];
     double *state = x.state(d), before[Joint::kMaxState];
-    std::memcpy(before, state, size * sizeof(double));
-    state[size + kAhead] = joint.torque_over(arrive(m, d, x), before, state);
+    std::memcpy(before, state, x.n_state * sizeof(double));
+    state[x.n_state + kAhead] = x.joint->torque_over(arrive(m, d, x), before, state);
     return;
   }
   Together t;
   const Unit *x = instance->units.data(), *end = x + instance->units.size();
   while (x < end) {
+    const Joint& joint = *x->joint;
+    const int size = x->n_state;
     int n = 0;
-    for (; x < end && n < joint.at_once(); x++) {
+    for (; x < end && n < joint.at_once() && x->joint->alike(joint); x++) {
       if (x->asleep(d)) {
         double* state = x->state(d);
         if (!std::isnan(state[1])) state[1] = d->time;
         continue;
       }
+      t.joint[n] = x->joint;
       t.state[n] = x->state(d);
       t.room[n] = t.numbers + n * size;
       std::memcpy(t.room[n], t.state[n], size * sizeof(double));
       t.motion[n++] = arrive(m, d, *x);
     }
-    if (n > 0) joint.torques(n, t.motion, t.room, t.state, t.torque);
+    if (n > 0) Joint::torques(n, t.joint, t.motion, t.room, t.state, t.torque);
     for (int j = 0; j < n; j++) t.state[j][size + kAhead] = t.torque[j];
   }
 }

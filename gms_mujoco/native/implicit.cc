@@ -175,18 +175,19 @@ bool Alone::settled(double torque) {
   return false;
 }
 
-void solve_alone(const Joint& joint, int count, Alone* alone, double h, Together* t) {
+void solve_alone(int count, Alone* alone, double h, Together* t) {
   const auto side = [](const Alone& x) { return x.at > x.still ? 1 : x.at < x.still ? -1 : sign(x.now.velocity); };
+  const int size = t->joint[0]->n_state();
   for (int j = 0; j < count; j++) {
     const Alone& x = alone[j];
     t->motion[j] = Joint::ahead(x.now, t->state[j], h, x.at, side(x));
-    t->room[j] = t->numbers + j * joint.n_state();
+    t->room[j] = t->numbers + j * size;
   }
-  joint.torques(count, t->motion, t->state, t->room, t->torque);
+  Joint::torques(count, t->joint, t->motion, t->state, t->room, t->torque);
   for (int j = 0; j < count; j++) {
     Alone& x = alone[j];
     for (int looks = 1; !x.settled(t->torque[j]) && looks < 4; looks++) {
-      t->torque[j] = joint.torque_ahead(x.now, t->state[j], h, x.at, side(x));
+      t->torque[j] = t->joint[j]->torque_ahead(x.now, t->state[j], h, x.at, side(x));
     }
   }
 }
@@ -196,14 +197,15 @@ void Implicit::each_alone(int count, const double* damping, const double* dv, do
   Alone alone[kTogether];
   for (int i = 0, n; i < count; i += n) {
     const Joint* joint = units[i].joint;
-    for (n = 0; n < joint->at_once() && i + n < count && units[i + n].joint == joint; n++) {
+    for (n = 0; n < joint->at_once() && i + n < count && units[i + n].joint->alike(*joint); n++) {
       const Unit& u = units[i + n];
       const double free = u.now.velocity + dv[u.dof];
       const double gain = damping ? h * u.weight / (1 + h * u.weight * damping[u.dof]) : h * u.weight;
       alone[n] = {u.now, u.still, free, gain, u.torque, u.steepest, free};
+      t.joint[n] = u.joint;
       t.state[n] = u.state;
     }
-    solve_alone(*joint, n, alone, h, &t);
+    solve_alone(n, alone, h, &t);
     for (int j = 0; j < n; j++) {
       units[i + j].torque = t.torque[j];
       units[i + j].slope = -1;

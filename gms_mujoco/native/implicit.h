@@ -27,8 +27,8 @@ struct Alone {
   bool settled(double torque);
 };
 
-// Solves for so many joints with this friction, each alone, over a step h, from t->state; into t->torque.
-void solve_alone(const Joint& joint, int count, Alone* alone, double h, Together* t);
+// Solves for so many joints that are alike, t->joint, each alone, over a step h, from t->state; into t->torque.
+void solve_alone(int count, Alone* alone, double h, Together* t);
 
 // Finds the torques f that solve, for all joints together,
 //   (M + h D) dv = h (tau + f),  f_i in f_i(q_i + h (v_i + dv_i), v_i + dv_i).

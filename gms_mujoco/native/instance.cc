@@ -1,6 +1,7 @@
 #include "instance.h"
 
 #include <algorithm>
+#include <map>
 #include <sstream>
 
 namespace gms {
@@ -11,6 +12,17 @@ int plugin_slot = -1;
 namespace {
 
 constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};
+
+// Without the blanks around the parts.
+std::vector<std::string> split(const std::string& text, char at) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text + at);
+  for (std::string part; std::getline(stream, part, at);) {
+    const size_t begin = part.find_first_not_of(' '), end = part.find_last_not_of(' ');
+    parts.push_back(begin == std::string::npos ? "" : part.substr(begin, end - begin + 1));
+  }
+  return parts;
+}
 
 }  // namespace
 
@@ -23,19 +35,46 @@ Config config(const mjModel* m, int id) {
 
 std::string instance_name(const mjModel* m, int id) { return m->names + m->name_pluginadr[id]; }
 
-// The joints of an instance: those its config names, separated by blanks, else the one it is called after. Attaching
-// a model to another changes names, not configs: a config that says how the instance was called, `name`, says
-// with that what has come before and after.
-std::vector<std::string> joint_names(const mjModel* m, int id) {
+// The joints of an instance: those its config names, separated by blanks, else the one it is called after. Where they
+// differ in friction semicolons stand between those that are alike, and between what is given for these; a value without
+// semicolons counts for all. Attaching a model to another changes names, not configs: a config that says how the instance
+// was called, `name`, says with that what has come before and after.
+std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
   const std::string now = instance_name(m, id), once = config(m, id)("name"), given = config(m, id)("joint");
-  if (given.empty()) return {now};
   const size_t at = once.empty() ? std::string::npos : now.find(once);
   const std::string prefix = at == std::string::npos ? "" : now.substr(0, at);
   const std::string suffix = at == std::string::npos ? "" : now.substr(at + once.size());
-  std::vector<std::string> names;
-  std::istringstream words(given);
-  for (std::string word; words >> word;) names.push_back(prefix + word + suffix);
-  return names;
+  const std::vector<std::string> joints = split(given, ';');
+  const size_t n = joints.size();
+
+  std::map<std::string, std::vector<std::string>> values;
+  std::vector<std::string> keys = config_keys();
+  keys.push_back("integration");
+  for (const std::string& key : keys) {
+    std::vector<std::string> parts = split(config(m, id)(key), ';');
+    if (parts.size() != 1 && parts.size() != n) {
+      return key + " has " + std::to_string(parts.size()) + " parts between semicolons, joint " + std::to_string(n);
+    }
+    parts.resize(n, parts[0]);
+    values[key] = std::move(parts);
+  }
+  for (size_t i = 0; i < n; i++) {
+    Served x;
+    std::istringstream words(joints[i]);
+    for (std::string word; words >> word;) x.names.push_back(prefix + word + suffix);
+    if (given.empty()) x.names.push_back(now);
+    if (x.names.empty()) return "joint must name at least one between semicolons; '" + given + "' given";
+    const std::string integration = values["integration"][i];
+    const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
+    if (!integration.empty() && found == end) {
+      return "integration must be auto, explicit or implicit; '" + integration + "' given";
+    }
+    x.integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
+    const std::string wrong = read_effects([&](const std::string& key) { return values[key][i]; }, x.joint.get());
+    if (!wrong.empty()) return wrong;
+    out->push_back(std::move(x));
+  }
+  return "";
 }
 
 static std::string read_unit(const mjModel* m, const std::string& name, Unit* out) {
@@ -58,30 +97,26 @@ static std::string read_unit(const mjModel* m, const std::string& name, Unit* ou
 }
 
 std::string read_instance(const mjModel* m, int id, Instance* out) {
-  out->id = id;
-  Unit unit;
-  const std::string integration = config(m, id)("integration");
-  const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
-  if (!integration.empty() && found == end) {
-    return "integration must be auto, explicit or implicit; '" + integration + "' given";
-  }
-  unit.integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
-  for (const std::string& name : joint_names(m, id)) {
-    const std::string wrong = read_unit(m, name, &unit);
-    if (!wrong.empty()) return wrong;
-    out->units.push_back(unit);
-  }
-  const std::string wrong = read_effects(config(m, id), out->joint.get());
-  if (!wrong.empty()) return wrong;
+  std::vector<Served> all;
+  std::string wrong = read_served(m, id, &all);
   int start = m->plugin_stateadr[id];
-  for (Unit& x : out->units) {
-    x.joint = out->joint.get();
-    x.n_state = out->joint->n_state();
-    x.reads_load = out->joint->reads_load();
-    x.state_start = start;
-    start += x.n_state + kBookkeeping;
+  for (Served& x : all) {
+    for (const auto& other : out->joints) x.joint->liken(*other);
+    Unit unit;
+    unit.joint = x.joint.get();
+    unit.integration = x.integration;
+    unit.n_state = x.joint->n_state();
+    unit.reads_load = x.joint->reads_load();
+    out->joints.push_back(std::move(x.joint));
+    for (const std::string& name : x.names) {
+      wrong = read_unit(m, name, &unit);
+      if (!wrong.empty()) return wrong;
+      unit.state_start = start;
+      start += unit.n_state + kBookkeeping;
+      out->units.push_back(unit);
+    }
   }
-  return "";
+  return wrong;
 }
 
 }  // namespace gms

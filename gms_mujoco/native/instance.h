@@ -58,9 +58,15 @@ struct Unit {  // one joint
 
 constexpr int kFew = 32;  // implicit joints that are solved for on the stack, which stays in the cache from world to world
 
-struct Instance {
+// Joints of an instance that have the same friction.
+struct Served {
+  std::vector<std::string> names;
+  int integration = 0;
   std::unique_ptr<Joint> joint = std::make_unique<Joint>();
-  int id = -1;
+};
+
+struct Instance {
+  std::vector<std::unique_ptr<Joint>> joints;  // their frictions
   std::vector<Unit> units;
 };
 
@@ -79,7 +85,9 @@ struct Group {
 Config config(const mjModel* m, int id);
 
 std::string instance_name(const mjModel* m, int id);
-std::vector<std::string> joint_names(const mjModel* m, int id);
+
+// The joints that an instance serves, and their friction. Returns what is wrong, or nothing.
+std::string read_served(const mjModel* m, int id, std::vector<Served>* out);
 
 // Reads an instance from its config. Returns what is wrong, or nothing.
 std::string read_instance(const mjModel* m, int id, Instance* out);

@@ -42,41 +42,50 @@ void Joint::recall(const double* unknown, double* state) const {
   }
 }
 
-void Joint::torques(int count, const Motion* motion, const double* const* state, double* const* next,
-                    double* total) const {
+void Joint::liken(const Joint& other) {
+  const auto same = [](const Use& a, const Use& b) { return a.effect == b.effect && a.n == b.n; };
+  if (std::equal(uses_.begin(), uses_.end(), other.uses_.begin(), other.uses_.end(), same)) kind_ = other.kind_;
+}
+
+void Joint::torques(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
+                    double* const* next, double* total) {
   static const Level kPlain[kTogether];
+  const Joint& first = *joints[0];
   if (count == 1) {
-    *total = torque_over(*motion, *state, *next);
+    *total = first.torque_over(*motion, *state, *next);
     return;
   }
   for (int j = 0; j < count; j++) {
     next[j][0] = motion[j].position;
     next[j][1] = motion[j].time;
   }
-  if (only_.effect) {
-    torques_of(only_, count, motion, kPlain, state, next, total);
-  } else {
-    sums(count, motion, state, next, total);
-  }
+  if (!first.only_.effect) return sums(count, joints, motion, state, next, total);
+  const double* p[kTogether];
+  for (int j = 0; j < count; j++) p[j] = joints[j]->only_.p;
+  torques_of(first.only_, p, count, motion, kPlain, state, next, total);
 }
 
-void Joint::torques_of(const Call& x, int count, const Motion* motion, const Level* level, const double* const* state,
-                       double* const* next, double* torque) {
-  if (x.effect->torques) return x.effect->torques(x.p, x.n, count, motion, level, x.state, state, next, torque);
+void Joint::torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,
+                       const double* const* state, double* const* next, double* torque) {
+  if (x.effect->torques) return x.effect->torques(p, x.n, count, motion, level, x.state, state, next, torque);
   for (int j = 0; j < count; j++) {
-    torque[j] = x.effect->torque(x.p, x.n, motion[j], level[j], state[j] + x.state, next[j] + x.state);
+    torque[j] = x.effect->torque(p[j], x.n, motion[j], level[j], state[j] + x.state, next[j] + x.state);
   }
 }
 
-void Joint::sums(int count, const Motion* motion, const double* const* state, double* const* next, double* total) const {
+void Joint::sums(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
+                 double* const* next, double* total) {
+  const Joint& first = *joints[0];
   Level level[kTogether];
   double part[kTogether];
-  for (const Call& x : modulators_) {
-    for (int j = 0; j < count; j++) x.effect->modulate(x.p, x.n, motion[j], level[j]);
+  const double* p[kTogether];
+  for (int j = 0; j < count; j++) {
+    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion[j], level[j]);
   }
   std::fill(total, total + count, 0.0);
-  for (const Call& x : torques_) {
-    torques_of(x, count, motion, level, state, next, part);
+  for (size_t i = 0; i < first.torques_.size(); i++) {
+    for (int j = 0; j < count; j++) p[j] = joints[j]->torques_[i].p;
+    torques_of(first.torques_[i], p, count, motion, level, state, next, part);
     for (int j = 0; j < count; j++) total[j] += part[j];
   }
 }

@@ -65,8 +65,13 @@ class Joint {
     return only_.effect->torque(only_.p, only_.n, motion, plain, state + only_.state, next + only_.state);
   }
 
-  // The same for up to at_once() joints with this friction, from state[j] to next[j], given how each has moved.
-  void torques(int count, const Motion* motion, const double* const* state, double* const* next, double* torque) const;
+  // The same for up to at_once() joints that are alike(), from state[j] to next[j], given how each has moved.
+  static void torques(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
+                      double* const* next, double* torque);
+
+  // Whether the other has the same effects and elements as far as is known: `liken` has been told of it.
+  bool alike(const Joint& other) const { return kind_ == other.kind_; }
+  void liken(const Joint& other);
 
   // As many as have room in a Together.
   int at_once() const { return at_once_; }
@@ -129,10 +134,10 @@ class Joint {
     int n, state, use;
   };
 
-  static void torques_of(const Call& x, int count, const Motion* motion, const Level* level, const double* const* state,
-                         double* const* next, double* torque);
-  GMS_APART void sums(int count, const Motion* motion, const double* const* state, double* const* next,
-                      double* total) const;
+  static void torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,
+                         const double* const* state, double* const* next, double* torque);
+  GMS_APART static void sums(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
+                             double* const* next, double* total);
 
   std::vector<Use> uses_;
   std::vector<Call> modulators_, torques_;
@@ -141,11 +146,13 @@ class Joint {
   int n_memory_ = 0;
   int at_once_ = kTogether;
   bool has_load_ = false;
+  const Joint* kind_ = this;  // one that has the same effects and elements
 };
 
 // What Joint::torques is asked for and what it answers, with room for a state of each joint. On the stack, which is in the
 // cache whatever world is stepped.
 struct Together {
+  const Joint* joint[kTogether];
   Motion motion[kTogether];
   double *state[kTogether], *room[kTogether], torque[kTogether];
   double numbers[Joint::kMaxState];  // where room may be

@@ -1,6 +1,6 @@
 // What MuJoCo calls: the engine plug-in `gms`, and the control callback over its instances.
 //
-// One instance is the friction of one joint, or of several that have the same. Parameters come from its <config>,
+// One instance is the friction of one joint or of several. Parameters come from its <config>,
 // state lives in plugin_state, so that reset, copies, mj_getState, rollouts, saved models and finite differences work
 // as for MuJoCo's own state.
 //
@@ -66,10 +66,10 @@ int nstate(const mjModel* m, int id) {
   char message[kMessage] = "";
   int n = 0;
   {
-    Joint joint;
-    const std::string wrong = gms::read_effects(gms::config(m, id), &joint);
+    std::vector<gms::Served> all;
+    const std::string wrong = gms::read_served(m, id, &all);
     if (!wrong.empty()) report(m, id, wrong, message);
-    n = (joint.n_state() + gms::kBookkeeping) * static_cast<int>(gms::joint_names(m, id).size());
+    for (const gms::Served& x : all) n += (x.joint->n_state() + gms::kBookkeeping) * static_cast<int>(x.names.size());
   }
   if (message[0]) engine.mju_error("%s", message);
   return n;
@@ -133,13 +133,11 @@ void copy(mjData* to, const mjModel*, const mjData* from, int id) {
   }
 }
 
-// MuJoCo hands over the state alone, and may do so before init.
-void reset(const mjModel* m, mjtNum* state, void*, int id) {
-  const int total = m->plugin_statenum[id], n = total / static_cast<int>(gms::joint_names(m, id).size());
-  std::fill(state, state + total, 0.0);
-  for (int start = 0; start < total; start += n) {
-    state[start] = state[start + 1] = std::nan("");
-    double* book = state + start + n - gms::kBookkeeping;
+void reset(const mjModel* m, mjtNum* state, void* data, int id) {
+  std::fill(state, state + m->plugin_statenum[id], 0.0);
+  for (const Unit& x : reinterpret_cast<const Handle*>(data)->instance.units) {
+    double *own = state + x.state_start - m->plugin_stateadr[id], *book = own + x.n_state;
+    own[0] = own[1] = std::nan("");
     book[gms::kFresh] = 1;
     book[gms::kSlope] = book[gms::kNextSlope] = -1;
     book[gms::kFromOthers] = gms::kInfinity;
@@ -152,14 +150,14 @@ GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
   {
     Instance &mine = h->instance, other;
     std::string wrong = gms::read_instance(m, id, &other);
-    if (wrong.empty() &&
-        (other.units.size() != mine.units.size() || other.joint->n_state() != mine.joint->n_state())) {
+    const auto same = [](const Unit& a, const Unit& b) { return a.n_state == b.n_state; };
+    const auto &now = other.units, &before = mine.units;
+    if (wrong.empty() && !std::equal(now.begin(), now.end(), before.begin(), before.end(), same)) {
       wrong = "the data was made for a model whose friction has another number of joints or elements";
     }
     if (wrong.empty()) {
       for (const Unit& x : mine.units) h->group->n_late -= x.late();
-      mine.joint = std::move(other.joint);
-      mine.units = std::move(other.units);
+      mine = std::move(other);
       for (const Unit& x : mine.units) h->group->n_late += x.late();
       h->model = m;
     } else {

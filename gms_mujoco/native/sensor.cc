@@ -34,8 +34,8 @@ std::string read_config(const mjModel* m, int id, Reading* reading, int* size) {
   return *size > 0 && *size <= Joint::kMaxState ? "" : "size must be the number of states; '" + count + "' given";
 }
 
-// Finds what sensor `i` reads. Returns what is wrong, or nothing.
-std::string read_sensor(const mjModel* m, int id, int i, Sensor* out) {
+// Finds what sensor `i` reads of these joints. Returns what is wrong, or nothing.
+std::string read_sensor(const mjModel* m, int id, int i, const std::vector<Instance>& instances, Sensor* out) {
   std::string wrong = read_config(m, id, &out->reading, &out->size);
   if (!wrong.empty()) return wrong;
   if (m->sensor_objtype[i] != mjOBJ_JOINT || m->sensor_objid[i] < 0) return "objtype must be joint";
@@ -43,11 +43,7 @@ std::string read_sensor(const mjModel* m, int id, int i, Sensor* out) {
   const std::string name = m->names + m->name_jntadr[joint];
   out->dof = m->jnt_dofadr[joint];
   out->out = m->sensor_adr[i];
-  for (int other = 0; other < m->nplugin; other++) {
-    if (m->plugin[other] != plugin_slot) continue;
-    Instance instance;
-    wrong = read_instance(m, other, &instance);
-    if (!wrong.empty()) return wrong;
+  for (const Instance& instance : instances) {
     for (const Unit& x : instance.units) {
       if (x.dof != out->dof) continue;
       const int states = x.n_state - Joint::kAnchor;
@@ -87,11 +83,18 @@ int nsensordata(const mjModel* m, int id, int) {
 int init(const mjModel* m, mjData* d, int id) {
   d->plugin_data[id] = 0;
   check([&]() -> std::string {
+    std::vector<Instance> instances;
+    for (int i = 0; i < m->nplugin; i++) {
+      if (m->plugin[i] != plugin_slot) continue;
+      instances.emplace_back();
+      const std::string wrong = read_instance(m, i, &instances.back());
+      if (!wrong.empty()) return wrong;
+    }
     auto all = std::make_unique<std::vector<Sensor>>();
     for (int i = 0; i < m->nsensor; i++) {
       if (!belongs(m, i, id)) continue;
       all->emplace_back();
-      const std::string wrong = read_sensor(m, id, i, &all->back());
+      const std::string wrong = read_sensor(m, id, i, instances, &all->back());
       if (!wrong.empty()) return std::string("sensor '") + (m->names + m->name_sensoradr[i]) + "': " + wrong;
     }
     d->plugin_data[id] = reinterpret_cast<uintptr_t>(all.release());
