@@ -222,6 +222,12 @@ def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() ->
     assert d.plant["gms"].stribeck_exponent == 2.0
 
 
+def test_a_drag_that_fades_while_the_axis_warms_up_is_named() -> None:
+    warming = effects.ThermalDrift(viscous=2 * HEALTHY["viscous"].coefficient, time_constant=1.5)
+    d = diagnose(dataset(HEALTHY + warming), UNKNOWN)
+    assert [e.name for e in d] == ["thermal_drift"] and d.verdict == "explained"
+
+
 MODULATING = {
     "asymmetric_friction": effects.AsymmetricFriction(level=0.25),
     "position_dependent_friction": effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),

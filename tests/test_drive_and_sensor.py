@@ -168,6 +168,14 @@ def test_drift_fades_from_the_cold_level_to_the_warm_one():
     assert np.allclose(torque[1:], -2e-3 * (1 + 0.6 * np.exp(-t[1:] / 4)))
 
 
+def test_the_drag_that_fades_is_a_viscous_one():
+    t, speed = np.linspace(0, 50, 5001), 1.5
+    motion = t, speed * t, np.full(len(t), speed)
+    plant = DRY + effects.ThermalDrift(viscous=3e-3, time_constant=4.0)
+    more = plant.joint().replay(*motion).torque - DRY.joint().replay(*motion).torque
+    assert np.allclose(more, -3e-3 * speed * np.exp(-t / 4), atol=1e-12)
+
+
 def test_drift_follows_the_time_stamps_of_a_part_of_a_record():
     plant = DRY + effects.ThermalDrift(amplitude=0.6, time_constant=2.0)
     t = H * np.arange(8000)
