@@ -45,15 +45,17 @@ double against(const Level& at, double direction) { return at.at(at.drops ? dire
 // What the elements of a joint need to know of an interval in which it has moved.
 struct Way {
   double direction, distance;
-  double level, left;  // most that an element carries along the motion, of its fraction; what has not decayed
-  double lowest;       // what it may carry against the motion, of its fraction; below 0
+  double scale;        // of the level in this direction
+  double lowest;       // what an element may carry against the motion, of its fraction; below 0
   bool slips_back;     // whether what falls below that slips
+  double level, left;  // most that it carries along the motion, of its fraction; what has not decayed of a difference to it
 };
 
-Way way_of(const double* p, int n, const Motion& m, const Level& at, double level, double left) {
+// But for level and left, which are dear.
+Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
-  return {direction, (at.stiffens ? scale : 1) * std::fabs(m.displacement), level, left,
-          -p[2 * n + 1] * against(at, direction), at.stiffens && scale < at.at(-direction)};
+  return {direction, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale,
+          -p[2 * n + 1] * against(at, direction), at.stiffens && scale < at.at(-direction), 0, 0};
 }
 
 // Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
@@ -85,11 +87,10 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
 // One step after the other for all joints: nothing waits for the joint before, and nobody guesses what it does.
 void torques(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
              const double* const* state, double* const* next, double* out) {
-  double s[gms::kTogether], left[gms::kTogether];
   Way way[gms::kTogether];
-  for (int j = 0; j < count; j++) s[j] = level_of(p[j] + 2 * n, m[j], level[j].at(m[j].displacement));
-  for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], s[j]);
-  for (int j = 0; j < count; j++) way[j] = way_of(p[j], n, m[j], level[j], s[j], left[j]);
+  for (int j = 0; j < count; j++) way[j] = way_of(p[j], n, m[j], level[j]);
+  for (int j = 0; j < count; j++) way[j].level = level_of(p[j] + 2 * n, m[j], way[j].scale);
+  for (int j = 0; j < count; j++) way[j].left = left_of(p[j] + 2 * n, m[j], way[j].level);
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
@@ -104,38 +105,38 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
     for (int j = 0; j < count; j++) out[j] = keep(n, state[j], next[j]);
     return;
   }
-  double s[gms::kTogether], left[gms::kTogether];
+  Way way[gms::kTogether];
   bool known[gms::kTogether];  // from the joint before
   for (int j = 0; j < count; j++) {
-    known[j] = j > 0 && level[j].at(m.displacement) == level[j - 1].at(m.displacement);
+    way[j] = way_of(p[j], n, m, level[j]);
+    known[j] = j > 0 && way[j].scale == way[j - 1].scale;
     for (int i = 2 * n; known[j] && i < 2 * n + kCurve; i++) known[j] = p[j][i] == p[j - 1][i];
   }
-  for (int j = 0; j < count; j++) {
-    s[j] = known[j] ? s[j - 1] : level_of(p[j] + 2 * n, m, level[j].at(m.displacement));
-  }
-  for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, s[j]);
-  for (int j = 0; j < count; j++) out[j] = move(p[j], n, way_of(p[j], n, m, level[j], s[j], left[j]), state[j], next[j]);
+  for (int j = 0; j < count; j++) way[j].level = known[j] ? way[j - 1].level : level_of(p[j] + 2 * n, m, way[j].scale);
+  for (int j = 0; j < count; j++) way[j].left = known[j] ? way[j - 1].left : left_of(p[j] + 2 * n, m, way[j].level);
+  for (int j = 0; j < count; j++) out[j] = move(p[j], n, way[j], state[j], next[j]);
 }
 
 double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
   if (m.displacement == 0) return keep(n, state, next);
   // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
   const double *stiffness = p, *fraction = p + n;
-  const double direction = m.displacement < 0 ? -1 : 1, scale = level.at(direction);
-  const double distance = (level.stiffens ? scale : 1) * std::fabs(m.displacement);
-  const double least = p[2 * n] * scale, most = p[2 * n + 1] * against(level, direction);
+  Way way = way_of(p, n, m, level);
+  const double least = p[2 * n] * way.scale;
   double total = 0;
   for (int i = 0; i < n; i++) {
-    const double force = direction * state[2 * i + kForce] + stiffness[i] * distance;
-    if (state[2 * i + kSlip] == direction || !(force <= fraction[i] * least && force >= -fraction[i] * most)) {
-      const double s = level_of(p + 2 * n, m, scale);
-      return move(p, n, way_of(p, n, m, level, s, left_of(p + 2 * n, m, s)), state, next);
+    const double force = way.direction * state[2 * i + kForce] + stiffness[i] * way.distance;
+    const bool sticks = force <= fraction[i] * least && force >= fraction[i] * way.lowest;
+    if (state[2 * i + kSlip] == way.direction || !sticks) {
+      way.level = level_of(p + 2 * n, m, way.scale);
+      way.left = left_of(p + 2 * n, m, way.level);
+      return move(p, n, way, state, next);
     }
-    next[2 * i + kForce] = direction * force;
+    next[2 * i + kForce] = way.direction * force;
     next[2 * i + kSlip] = 0;
     total += force;
   }
-  return -direction * total;
+  return -way.direction * total;
 }
 
 void elements(const double* state, int n, double* torque) {

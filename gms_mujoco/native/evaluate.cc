@@ -102,11 +102,10 @@ const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
 }
 
 bool any_wrench(const mjModel* m, const mjData* d) {
-  std::uint64_t any = 0;
-  for (int i = 6; i < 6 * m->nbody; i++) {
-    std::uint64_t bits;
-    std::memcpy(&bits, d->xfrc_applied + i, sizeof bits);
-    any |= bits;
+  std::uint64_t any = 0, bits[6];
+  for (int i = 1; i < m->nbody; i++) {
+    std::memcpy(bits, d->xfrc_applied + 6 * i, sizeof bits);
+    any |= bits[0] | bits[1] | bits[2] | bits[3] | bits[4] | bits[5];
   }
   return any != 0;
 }

@@ -177,18 +177,23 @@ bool Alone::settled(double torque) {
 
 void solve_alone(int count, Alone* alone, double h, Together* t) {
   const auto side = [](const Alone& x) { return x.at > x.still ? 1 : x.at < x.still ? -1 : sign(x.now.velocity); };
-  const int size = t->joint[0]->n_state();
-  for (int j = 0; j < count; j++) {
+  const auto look = [&](int j) {
     const Alone& x = alone[j];
-    t->motion[j] = Joint::ahead(x.now, t->state[j], h, x.at, side(x));
-    t->room[j] = t->numbers + j * size;
-  }
-  Joint::torques(count, t->joint, t->motion, t->state, t->room, t->torque);
-  for (int j = 0; j < count; j++) {
-    Alone& x = alone[j];
-    for (int looks = 1; !x.settled(t->torque[j]) && looks < 4; looks++) {
-      t->torque[j] = t->joint[j]->torque_ahead(x.now, t->state[j], h, x.at, side(x));
+    return t->joint[j]->torque_ahead(x.now, t->state[j], h, x.at, side(x));
+  };
+  if (count > 1) {
+    const int size = t->joint[0]->n_state();
+    for (int j = 0; j < count; j++) {
+      const Alone& x = alone[j];
+      t->motion[j] = Joint::ahead(x.now, t->state[j], h, x.at, side(x));
+      t->room[j] = t->numbers + j * size;
     }
+    Joint::torques(count, t->joint, t->motion, t->state, t->room, t->torque);
+  } else {
+    t->torque[0] = look(0);
+  }
+  for (int j = 0; j < count; j++) {
+    for (int looks = 1; !alone[j].settled(t->torque[j]) && looks < 4; looks++) t->torque[j] = look(j);
   }
 }
 

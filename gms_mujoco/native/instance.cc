@@ -16,8 +16,9 @@ constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};
 // Without the blanks around the parts.
 std::vector<std::string> split(const std::string& text, char at) {
   std::vector<std::string> parts;
-  std::istringstream stream(text + at);
-  for (std::string part; std::getline(stream, part, at);) {
+  for (size_t start = 0, stop = 0; stop != std::string::npos; start = stop + 1) {
+    stop = text.find(at, start);
+    const std::string part = text.substr(start, stop - start);
     const size_t begin = part.find_first_not_of(' '), end = part.find_last_not_of(' ');
     parts.push_back(begin == std::string::npos ? "" : part.substr(begin, end - begin + 1));
   }

@@ -169,7 +169,6 @@ GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
 
 // The late joints of a model in which nothing calls us after the passive forces.
 GMS_SELDOM void take_now(const mjModel* m, mjData* d, Group* g) {
-  if (called_later(m)) return;
   double* bias = g->bias.data();
   std::fill(bias, bias + m->nv, 0.0);
   engine.mj_rne(m, d, 0, bias);
@@ -182,7 +181,7 @@ void compute(const mjModel* m, mjData* d, int id, int capability) {
   if (h->model != m) follow(m, id, h);
   if (capability == mjPLUGIN_PASSIVE) {
     gms::compute_passive(m, d, g, &h->instance);
-    if (g->n_late > 0 && &h->instance == g->instances.back()) take_now(m, d, g);
+    if (g->n_late > 0 && &h->instance == g->instances.back() && !called_later(m)) take_now(m, d, g);
   } else if (g->n_late > 0 && &h->instance == g->instances.back() && !g->inside) {
     gms::compute_late(m, d, g);
   }
