@@ -35,6 +35,7 @@ _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
 _FURTHER = 2.0  # times as late an element may slip where amplitudes tell when it does
 _FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
+_SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
 _LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
 
 
@@ -124,8 +125,9 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
     a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. A fit would
     find no way back from a level that weakens beyond the fastest speed, or, of `gms`, from an element that is too soft,
-    never slips and is a spring, or from a level that is followed faster than the samples come. A value that the plant
-    has already is inside.
+    never slips and is a spring, or from a level that is followed faster than the samples come. Friction that settles
+    over much more than the time of the records would be another unit of all of it. A value that the plant has already
+    is inside.
     """
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:
@@ -134,6 +136,11 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     for e in plant.effects:
         if e.name in _LAWS and "stribeck_velocity" in e.values and not e.unset:
             limits[f"{e.name}.stribeck_velocity"] = _visible_weakening(e, observations)
+    timed = [o.time for o in observations if isinstance(o, Observation)]
+    if "thermal_drift" in plant and not plant["thermal_drift"].unset and timed:
+        span = max(float(t[-1]) for t in timed) - min(float(t[0]) for t in timed)
+        settles = float(np.asarray(plant["thermal_drift"].time_constant))
+        limits["thermal_drift.time_constant"] = (1e-3 * span, _SETTLES * span, settles)
     if "gms" in plant and not plant["gms"].unset:
         limits |= _visible_gms(plant["gms"], observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}

@@ -1,8 +1,10 @@
 """Where a fit starts, and how far it may go."""
 
 import numpy as np
+import pytest
 from bench import GMS, HEALTHY, J, runs
 
+from gms_mujoco import effects
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.starts import LONGEST_BREAK_AWAY, visible_limits
@@ -23,3 +25,22 @@ def test_an_element_that_has_become_a_spring_does_not_make_room_for_itself() -> 
             )
             lowest = visible_limits(Plant.axis(J) + law, seen)["gms.stiffness[0]"][0]
             assert total / 3 / lowest <= 1.01 * LONGEST_BREAK_AWAY * usual
+
+
+@pytest.mark.parametrize("seconds", [2.0, 5.0])
+def test_friction_is_not_asked_to_settle_over_much_more_than_the_records_last(seconds: float) -> None:
+    """It would multiply the level of all of them by one number, a friction of the same shape in other units."""
+    seen = observe(runs(HEALTHY, seconds=seconds), J)
+    drift = effects.ThermalDrift(amplitude=0.5, time_constant=seconds)
+    least, most = visible_limits(HEALTHY + drift, seen)["thermal_drift.time_constant"]
+    assert least < 0.1 * seconds and seconds < most < 5 * seconds
+
+    def spread(time_constant: float) -> float:
+        """How much the level changes over the records, of the part that settles."""
+        level = seen[0].replay(HEALTHY + drift.replace(time_constant=time_constant)) / seen[0].replay(HEALTHY)
+        first, last = (np.median(part) for part in (level[: len(level) // 10], level[-len(level) // 10 :]))
+        return float(first - last) / 0.5
+
+    assert spread(most) > 0.2 > 0.01 > spread(1000 * most)
+    slower = drift.replace(time_constant=1e3 * seconds)  # a value that somebody gave
+    assert visible_limits(HEALTHY + slower, seen)["thermal_drift.time_constant"][1] >= 1e3 * seconds
