@@ -62,9 +62,14 @@ class FitResult:
     noise: Noise
     floor_rows: Array
 
-    def floor_under(self, noise: Noise) -> Array:
-        """(m,) residual that another noise than that found would leave through this plant [N m]."""
-        return np.concatenate(_floor_rows(self.misfit, self.vector, self.misfit.residual(self.vector), noise))
+    def floor_under(self, noise: Noise, most: Array | None = None) -> Array:
+        """(m,) residual that another noise than that found would leave through this plant [N m].
+
+        Args:
+            most: (m,) it is no louder than this; None: than what is left.
+        """
+        left = self.misfit.residual(self.vector) if most is None else most
+        return np.concatenate(_floor_rows(self.misfit, self.vector, left, noise))
 
     @property
     def habit(self) -> str:

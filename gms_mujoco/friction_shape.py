@@ -10,6 +10,7 @@ import numpy as np
 from .candidates import lean
 from .fit import FitResult, fit_to_end, refine
 from .held_out import HeldOut, p_value
+from .inverse import Observation
 from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, left_of, takes
 from .least_squares import nudge
 from .linear_model import cross_validated
@@ -21,6 +22,7 @@ _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the prese
 _WEAKER = 1.05  # times less friction than at rest, at least, for a curve to be seen
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
+_AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
@@ -71,6 +73,23 @@ def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         if now is before:
             break
     return now, left
+
+
+def following(now: FitResult) -> FitResult | None:
+    """The same fit with friction that follows its level at once; None where it does so, within the band.
+
+    Elements that keep their forces while they slide bend to hide what modulates their level, and follow it as little:
+    the tangents of such an effect show nothing beside them.
+    """
+    records = [o for o in now.misfit.observations if isinstance(o, Observation)]
+    if "gms" not in now.plant or not records:
+        return None
+    law = now.plant["gms"]
+    level = float(np.asarray(law.coulomb))
+    if level <= float(np.asarray(law.attraction)) / max(o.bandwidth for o in records):
+        return None
+    quick = law.replace(attraction=_AT_ONCE * level / min(o.sample_time for o in records))
+    return refine(*now.misfit.onto(now.plant.replace(quick), now.vector))
 
 
 def without_idle(result: FitResult) -> FitResult:

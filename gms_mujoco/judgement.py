@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -128,14 +129,32 @@ def is_worth_it(
     more harmonic of an effect that is there already, no new cause, asks for no `share`.
 
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
-    the noise is less says nothing for an effect.
+    the noise is less says nothing for an effect, see `_quieter`.
     """
     if not at_floor(now, before):
         return takes(before.total, after.total, min(floor_of(now), floor_of(result)), share)
     if not takes(before.total, after.total, 0.0, share):
         return False
-    quieter = max(floor_of(now, result.noise) - floor_of(result), 0.0)
-    return takes(before.total, after.total + quieter, 0.0, share)
+    return takes(before.total, after.total + _quieter(now, result), 0.0, share)
+
+
+def _quieter(now: FitResult, result: FitResult) -> float:
+    """By how much less of the sensors' noise a fit passes on than another [N^2 m^2].
+
+    Of a fit with one effect more that is what the effect does beside the same friction, against a strength of zero.
+    Friction that has stiffened to stand for what is missing passes on a great deal, and no effect hides that noise.
+    """
+    added = [e for e in result.plant.effects if e.name not in now.plant]
+    if not added:
+        return max(floor_of(now, result.noise) - floor_of(result), 0.0)
+    effect = added[0]
+    if absent(effect) == effect:
+        misfit, vector = without(result, effect.name)
+    else:
+        misfit, vector = result.misfit.onto(result.plant.replace(absent(effect)), result.vector)
+    idle = replace(result, plant=misfit.plant(vector), misfit=misfit, vector=vector)
+    most = now.misfit.residual(now.vector)  # the same for both: noise that a plant passes on has no other end
+    return max(floor_of(idle, result.noise, most) - floor_of(result, result.noise, most), 0.0)
 
 
 def residual_of(result: FitResult) -> HeldOut:
@@ -150,10 +169,10 @@ def left_of(misfit: Misfit, vector: Array) -> float:
     return float(np.sum(misfit.residual(vector)[determined(misfit)] ** 2)) / misfit.delivered(vector)
 
 
-def floor_of(result: FitResult, noise: Noise | None = None) -> float:
-    """The same that sensor noise alone would leave, as found or another [N^2 m^2]."""
+def floor_of(result: FitResult, noise: Noise | None = None, most: Array | None = None) -> float:
+    """The same that sensor noise alone would leave, as found or another, see `FitResult.floor_under` [N^2 m^2]."""
     misfit = result.misfit
-    rows = result.floor_rows if noise is None else result.floor_under(noise)
+    rows = result.floor_rows if noise is None else result.floor_under(noise, most)
     return float(np.sum(rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
 
 

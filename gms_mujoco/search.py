@@ -16,7 +16,7 @@ from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import EARLY_SHARE, FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
 from .frf_observation import Seen
-from .friction_shape import more_elements, other_curve, without_idle
+from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .judgement import (
@@ -159,9 +159,10 @@ class Search:
         new = [c for c in promising if c.effect.name not in current.plant]
         fits = {name: (misfit, x) for name, misfit, x in reversed(rough)}
         added = self._accept(trials, p_values) or self._accept_two(screen, new, fits, trials, p_values)
-        if not added and (begun := self._afresh(new, report)):
-            trials += self._trials(begun, p_values, report)
-            added = self._accept(trials, p_values)
+        for more in (self._beside_following, lambda: self._afresh(new, report)):
+            if not added and (begun := more()):
+                trials += self._trials(begun, p_values, report)
+                added = self._accept(trials, p_values)
         plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return added
@@ -188,6 +189,16 @@ class Search:
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
         return trials
+
+    def _beside_following(self) -> list[tuple[str, Misfit, Array]]:
+        """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
+        now = self.steps[-1].result
+        if self.at_floor or self.simulated or (near := following(now)) is None:
+            return []
+        screen, least = Screen(near.misfit, near.vector), left_of(now.misfit, now.vector)
+        share = (1 - LEAST_SHARE) * least / max(left_of(near.misfit, near.vector), 1e-300)
+        seen = [screen.candidate(e) for e in self._addable if e.modulates]
+        return [(c.effect.name, *self._tried(near, c)) for c in seen if c is not None and 1 - c.gain < share]
 
     def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[tuple[str, Misfit, Array]]:
         """Rough fits from the beginning with the candidates that promise most, of those that leave a good part less.

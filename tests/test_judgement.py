@@ -5,10 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench import HEALTHY, J, runs
 from scipy import stats
 
 from gms_mujoco import effects, judgement
+from gms_mujoco.fit import FitResult, refine
 from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 
 
@@ -40,14 +44,32 @@ def test_a_series_goes_on_with_a_usual_harmonic_at_no_least_share() -> None:
     assert least_share(Plant.axis(1e-5), grown[12]) == LEAST_SHARE
 
 
-@pytest.mark.parametrize(("quieter", "worth"), [(0.0, True), (50.0, False)], ids=["as loud", "quieter"])
-def test_at_the_floor_less_noise_is_no_explanation(monkeypatch: Any, quieter: float, worth: bool) -> None:
-    """A coupling takes inertia off high frequencies and with it the encoder's noise, whatever the axis is."""
-    now: Any
-    result: Any
-    now, result = SimpleNamespace(), SimpleNamespace(noise=None)
-    monkeypatch.setattr(judgement, "floor_of", lambda r, noise=None: 60.0 + quieter * (r is now))
+@pytest.mark.parametrize(
+    ("friction", "coupling", "worth"),
+    [(0.0, 0.0, True), (50.0, 0.0, True), (0.0, 50.0, False)],
+    ids=["as loud", "beside stiffer friction", "quieter"],
+)
+def test_at_the_floor_less_noise_is_no_explanation(
+    monkeypatch: pytest.MonkeyPatch, friction: float, coupling: float, worth: bool
+) -> None:
+    """A coupling takes inertia off high frequencies and with it the encoder's noise, whatever the axis is. Friction
+    that has stiffened where it stood alone passed on noise of its own, which says nothing against a coupling."""
+    name, seen = "flexible_coupling", observe(runs(HEALTHY, seconds=1.0)[:1], J)
+    swings = effects.find(name)(inertia=0.3 * J, frequency=80.0)
+
+    def fitted(plant: Plant) -> FitResult:
+        misfit = Misfit(plant, seen)
+        return refine(misfit, misfit.vector(plant), 1)
+
+    now, result = fitted(HEALTHY), fitted(HEALTHY + swings)
+
+    def floor(r: FitResult, *given: object) -> float:
+        rigid = name not in r.plant or r.plant[name].values["inertia"] == 0
+        return 60.0 + coupling * rigid + friction * (r is now)
+
+    monkeypatch.setattr(judgement, "floor_of", floor)
     before: Any = SimpleNamespace(total=100.0)
     after: Any = SimpleNamespace(total=60.0)
     assert judgement.at_floor(now, before)
     assert judgement.is_worth_it(now, before, result, after) == worth
+

@@ -1,0 +1,28 @@
+"""The shape of a plant's own friction, where a fit does not find it."""
+
+import numpy as np
+from bench import GMS, HEALTHY, LEVEL, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.fit import fit_to_end, refine
+from gms_mujoco.friction_shape import following
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
+from gms_mujoco.screen import Screen
+
+
+def test_beside_friction_that_follows_its_level_what_modulates_it_is_seen() -> None:
+    """Elements that keep their forces while they slide follow no level, of the place or of anything else."""
+    hidden = effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5])
+    seen = observe(runs(HEALTHY + hidden)[2:], J)  # turning
+    kept = HEALTHY.replace(GMS.replace(attraction=0.01 * LEVEL))
+    misfit = Misfit(kept, seen, fixed=["gms.attraction"])
+    slow = fit_to_end(misfit, misfit.vector(kept))
+    near = following(slow)
+    assert near is not None and near.plant["gms"].attraction > 20 * LEVEL
+    before, after = (Screen(r.misfit, r.vector).candidate(type(hidden)) for r in (slow, near))
+    assert before is not None and after is not None
+    assert after.gain > 0.5 > 0.3 > before.gain and np.ravel(after.effect.harmonics)[0] == 3
+    for plant in (HEALTHY.replace(GMS.replace(attraction=500 * LEVEL)), HEALTHY.without("gms")):
+        misfit = Misfit(plant, seen, fixed=["gms.attraction"])
+        assert following(refine(misfit, misfit.vector(plant), 1)) is None
