@@ -38,10 +38,6 @@ double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
 
-// What multiplies the force that an element may carry against its motion: what the other direction has left, where that
-// is carried over a reversal.
-double against(const Level& at, double direction) { return at.at(at.drops ? direction : -direction); }
-
 // What the elements of a joint need to know of an interval in which it has moved.
 struct Way {
   double direction, distance;
@@ -53,9 +49,12 @@ struct Way {
 
 // But for level and left, which are dear.
 Way way_of(const double* p, int n, const Motion& m, const Level& at) {
-  const double direction = m.displacement < 0 ? -1 : 1, scale = at.at(direction);
-  return {direction, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale,
-          -p[2 * n + 1] * against(at, direction), at.stiffens && scale < at.at(-direction), 0, 0};
+  const bool back = m.displacement < 0;
+  const double scale = back ? at.backward : at.forward, other = back ? at.forward : at.backward;
+  // Against the motion counts what the other direction has left, where that is carried over a reversal.
+  const double lowest = -p[2 * n + 1] * (at.drops ? scale : other);
+  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, lowest,
+          at.stiffens && scale < other, 0, 0};
 }
 
 // Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,

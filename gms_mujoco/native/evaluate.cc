@@ -138,8 +138,9 @@ void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, con
   Together t;
   Alone alone[kTogether];
   for (int i = 0, n; i < count; i += n) {
-    const Joint* joint = units[i]->joint;
-    for (n = 0; n < joint->at_once() && i + n < count && units[i + n]->joint->alike(*joint); n++) {
+    const Joint& joint = *units[i]->joint;
+    const int most = std::min(joint.at_once(), count - i);
+    for (n = 0; n < most && units[i + n]->joint->alike(joint); n++) {
       const Unit& x = *units[i + n];
       double* state = x.state(d);
       const double *book = state + x.n_state, start = book[kAhead];
