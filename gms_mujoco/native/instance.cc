@@ -52,7 +52,9 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
   std::vector<std::string> keys = config_keys();
   keys.push_back("integration");
   for (const std::string& key : keys) {
-    std::vector<std::string> parts = split(config(m, id)(key), ';');
+    const std::string text = config(m, id)(key);
+    if (text.empty()) continue;
+    std::vector<std::string> parts = split(text, ';');
     if (parts.size() != 1 && parts.size() != n) {
       return key + " has " + std::to_string(parts.size()) + " parts between semicolons, joint " + std::to_string(n);
     }
@@ -60,18 +62,22 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
     values[key] = std::move(parts);
   }
   for (size_t i = 0; i < n; i++) {
+    const auto value = [&](const std::string& key) {
+      const auto found = values.find(key);
+      return found == values.end() ? "" : found->second[i];
+    };
     Served x;
     std::istringstream words(joints[i]);
     for (std::string word; words >> word;) x.names.push_back(prefix + word + suffix);
     if (given.empty()) x.names.push_back(now);
     if (x.names.empty()) return "joint must name at least one between semicolons; '" + given + "' given";
-    const std::string integration = values["integration"][i];
+    const std::string integration = value("integration");
     const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
     if (!integration.empty() && found == end) {
       return "integration must be auto, explicit or implicit; '" + integration + "' given";
     }
     x.integration = integration.empty() ? 0 : static_cast<int>(found - std::begin(kIntegration));
-    const std::string wrong = read_effects([&](const std::string& key) { return values[key][i]; }, x.joint.get());
+    const std::string wrong = read_effects(value, x.joint.get());
     if (!wrong.empty()) return wrong;
     out->push_back(std::move(x));
   }
