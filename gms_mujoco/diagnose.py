@@ -28,6 +28,7 @@ from .remainder import describe, loudest
 from .score import Score, relative_error
 from .screen import Screen
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
+from .threads import one_blas_thread
 from .undetermined import never_slips
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
@@ -158,6 +159,7 @@ def _step_dict(step: Step, final: Plant) -> dict[str, Any]:
     return out
 
 
+@one_blas_thread()
 def diagnose(
     runs: Dataset,
     plant: Plant | None = None,

@@ -22,6 +22,7 @@ from .plant import Plant
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
 from .starts import starts
+from .threads import one_blas_thread
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
@@ -105,6 +106,7 @@ def baseline(
     return Plant.axis(inertia, kind) + effects.find("gms")(elements) + effects.find("viscous")()
 
 
+@one_blas_thread()
 def fit(
     plant: Plant,
     data: Sequence[Data],

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from .errors import GmsError
 
 _In = TypeVar("_In")
@@ -50,6 +52,29 @@ def alone() -> Iterator[None]:
         yield
     finally:
         _inside.busy = before
+
+
+_limited = threading.Lock()
+_limits: list[threadpool_limits] = []
+_inside_limit = 0
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keeps products of matrices to one thread: in a fit those of a BLAS wait for each other longer than they
+    work."""
+    global _inside_limit
+    with _limited:
+        if not _inside_limit:
+            _limits.append(threadpool_limits(1, user_api="blas"))
+        _inside_limit += 1
+    try:
+        yield
+    finally:
+        with _limited:
+            _inside_limit -= 1
+            if not _inside_limit:  # the last of those at work puts back what the first has found
+                _limits.pop().restore_original_limits()
 
 
 def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from . import files
 from .errors import GmsError
 from .progress import Progress
-from .threads import alone
+from .threads import alone, one_blas_thread
 
 RESULT = "result.json"
 _PATIENCE = 10.0  # s, for a scheduler to answer
@@ -135,13 +135,11 @@ def _finished(task: Task) -> Row | None:
 
 def _work(do: Callable[[Any, Path], Row], task: Task) -> Row:
     """One task, wherever it is sent; whatever goes wrong becomes its result."""
-    from threadpoolctl import threadpool_limits
-
     start = time.perf_counter()
     row: Row = {"name": task.name, "digest": task.digest}
     try:
         folder = files.make_folder(task.folder)
-        with alone(), threadpool_limits(1):  # sums in another order would differ in the last bit
+        with alone(), one_blas_thread():  # sums in another order would differ in the last bit
             row |= {"status": "done"} | do(task, folder)
     except GmsError as error:
         row |= {"status": "failed", "error": " ".join(str(error).split())}

@@ -52,7 +52,7 @@ EDGES = {
     "learn", "sb3", "cli", "report", "demo", "workers", "fleet", "kernel", "warp", "mjx",
 }  # fmt: skip
 OPTIONAL = {
-    "rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch", "joblib", "distributed", "threadpoolctl", "warp",
+    "rerun", "gymnasium", "matplotlib", "stable_baselines3", "torch", "joblib", "distributed", "warp",
     "mujoco_warp", "jax",
 }  # fmt: skip
 

@@ -5,6 +5,7 @@ import threading
 import numpy as np
 import pytest
 from bench import HEALTHY, UNKNOWN, runs
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import gms_mujoco as gms
 from gms_mujoco import threads
@@ -49,3 +50,17 @@ def test_a_fit_is_the_same_to_the_last_bit_at_any_number_of_threads(monkeypatch:
     for other in found[1:]:
         assert other.plant == found[0].plant and other.error == found[0].error
         assert np.array_equal(other.vector, found[0].vector) and other.plant.uncertainty == found[0].plant.uncertainty
+
+
+def test_a_fit_keeps_blas_to_one_thread_and_gives_it_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    def used() -> set[int]:
+        return {int(lib["num_threads"]) for lib in threadpool_info() if lib["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        before, inside = used(), []
+        gms.fit(UNKNOWN, runs(HEALTHY, seconds=1.0), progress=lambda done, message: inside.append(used()))
+        assert inside and all(found == {1} for found in inside)
+        assert used() == before
+        with threads.one_blas_thread(), threads.one_blas_thread():
+            pass
+        assert used() == before
