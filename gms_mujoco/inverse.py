@@ -40,6 +40,8 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
+_SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
+_SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
 _EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
 _READ = 0.6  # samples between the instants at which torque and position were read
@@ -196,6 +198,17 @@ class Observation:
         width = 2 * max(round(1 / (self.bandwidth * self.record.sample_time)), 1) + 1
         span = ndimage.maximum_filter1d(q, width) - ndimage.minimum_filter1d(q, width)
         return np.asarray(span[self.index] > _STUCK * count if count else np.ones(len(self.index), bool))
+
+    @cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """(m,) where the axis moves one way at some speed, all through what the low-pass sees.
+
+        Friction is its level there, and does not depend on how a contact bends that the encoder hardly resolves.
+        """
+        v, width = self.velocity, 2 * int(_SEEN / (self.bandwidth * self.record.sample_time)) + 1
+        least = _SLOW * float(np.sqrt(np.mean(v**2)))
+        forward, backward = (ndimage.minimum_filter1d(side > least, width) for side in (v, -v))
+        return np.asarray((forward | backward)[self.index] & self.determined)
 
     def opening(self, duration: float) -> Observation:
         """The same observation of the first part of the record [s]."""

@@ -15,6 +15,7 @@ from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
 from .fit import FitResult
 from .held_out import HeldOut, p_value
+from .inverse import Observation
 from .linear_model import LinearModel, determined
 from .misfit import Misfit
 from .noise import Noise
@@ -28,6 +29,8 @@ FALSE_DISCOVERY_RATE = 0.01
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
+_SOME = 0.2  # of the rows, in which an axis slides, at least, for that to be judged by itself
+_MOST = 0.5  # of what is not noise there, that an effect then has to take
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
@@ -131,11 +134,31 @@ def is_worth_it(
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
     the noise is less says nothing for an effect, see `_quieter`.
     """
+    if takes_of_sliding(now, before, result, after):
+        return True
     if not at_floor(now, before):
         return takes(before.total, after.total, min(floor_of(now), floor_of(result)), share)
     if not takes(before.total, after.total, 0.0, share):
         return False
     return takes(before.total, after.total + _quieter(now, result), 0.0, share)
+
+
+def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
+    """Whether an effect takes most of what noise does not explain where the axis slides, and no more is left in all.
+
+    Around reversals a stiff contact leaves what its encoder does not resolve. That may be nearly all that a fit leaves,
+    and says nothing of what is missing while friction is no more than its level.
+    """
+    seen = now.misfit.observations
+    if all(e.name in now.plant for e in result.plant.effects) or not all(isinstance(o, Observation) for o in seen):
+        return False
+    rows = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
+    if rows.mean() < _SOME or after.total > before.total:
+        return False
+    size = float(now.misfit.delivered(now.vector))
+    left, gone = (float(np.sum(h.rows[rows] ** 2)) for h in (before, after))
+    floor = max(float(np.sum(r.floor_rows[rows] ** 2)) for r in (now, result)) / size
+    return left > AT_FLOOR**2 * floor and takes(left, gone, floor, _MOST)
 
 
 def _quieter(now: FitResult, result: FitResult) -> float:

@@ -1,15 +1,18 @@
 """What the search accepts, and what it looks at twice."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from bench import HEALTHY, J, runs
+from bench import HEALTHY, LEVEL, J, runs
 from scipy import stats
 
 from gms_mujoco import effects, judgement
 from gms_mujoco.fit import FitResult, refine
+from gms_mujoco.held_out import HeldOut
+from gms_mujoco.inverse import Observation
 from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -73,3 +76,32 @@ def test_at_the_floor_less_noise_is_no_explanation(
     assert judgement.at_floor(now, before)
     assert judgement.is_worth_it(now, before, result, after) == worth
 
+
+
+@pytest.mark.parametrize(
+    ("sliding", "turning", "worth"),
+    [(0.1, 1.0, True), (0.1, 1.2, False), (0.8, 0.99, False)],
+    ids=["most while it slides", "worse at reversals", "little"],
+)
+def test_what_a_stiff_contact_leaves_at_reversals_hides_nothing_while_the_axis_slides(
+    sliding: float, turning: float, worth: bool
+) -> None:
+    """An effect is judged by what it takes where friction is no more than its level, too."""
+    seen = observe(runs(HEALTHY)[2:], J)
+    slides = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
+    assert 0.2 < slides.mean() < 0.95
+    rows = np.where(slides, 1.0, 30.0)
+    after = rows * np.sqrt(np.where(slides, sliding, turning))
+
+    def fitted(plant: Plant) -> FitResult:
+        misfit = Misfit(plant, seen)
+        found = refine(misfit, misfit.vector(plant), 1)
+        return replace(found, floor_rows=np.where(slides, 0.2, 10.0))
+
+    now, result = fitted(HEALTHY), fitted(HEALTHY + effects.Cogging(harmonics=[6], amplitude=[0.1 * LEVEL], phase=[0]))
+    left, gone = HeldOut(rows, seen), HeldOut(after, seen)
+    assert not judgement.takes(left.total, gone.total, 0.0)  # of all, it takes too little
+    assert judgement.is_worth_it(now, left, result, gone) == worth
+    assert not judgement.is_worth_it(now, left, now, gone)  # another shape of the same is no effect
+    quiet = [replace(f, floor_rows=np.where(slides, 0.9, 10.0)) for f in (now, result)]
+    assert not judgement.is_worth_it(quiet[0], left, quiet[1], gone)  # no more than noise is left there
