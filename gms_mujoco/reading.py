@@ -65,7 +65,7 @@ def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:
     period = _PERIOD * math.sqrt(square)
     near, there = _joined(misfit, x, TorqueReading(lag=_LAG * lag, period=min(period, _LONGEST)))
     there = nudge(near, there)
-    found = near.coordinates.decode(there[: near.coordinates.size])[TorqueReading.name]
+    found = near.plant(there)[TorqueReading.name]
     return (near, there) if float(found.values["period"]) > 0 else None  # type: ignore[arg-type]
 
 
