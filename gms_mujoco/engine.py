@@ -161,7 +161,7 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
     if unset:
         raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
     for p in spec.plugins:
-        if p.plugin_name == PLUGIN and joint.name in (p.name, *p.config.get("joint", "").replace(";", " ").split()):
+        if p.plugin_name == PLUGIN and any(joint.name in names for names in _joints_of(p)):
             raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
         if p.name == joint.name:
             raise ModelError(f"a {p.plugin_name} instance is called {p.name!r} as the joint is; rename one of them")
@@ -235,21 +235,27 @@ def _shape(config: dict[str, str]) -> list[tuple[str, int]]:
     return [("effects " + config["effects"], 0), *((key, len(text.split())) for key, text in config.items())]
 
 
-def served(instance: Any) -> list[tuple[list[str], dict[str, str]]]:
-    """The joints of an instance and their config, those with the same friction together.
+def _joints_of(instance: Any) -> list[list[str]]:
+    """Names of the joints of an instance, those with the same friction together.
 
     A model that has joined another has brought a prefix and a suffix along.
     """
-    config = dict(instance.config)
-    if "joint" not in config:
-        return [([instance.name], config)]
-    before, _, after = instance.name.partition(config.pop("name", instance.name))
-    lists = config.pop("joint").split(";")
-    values = {key: text.split(";") if ";" in text else [text] * len(lists) for key, text in config.items()}
-    return [
-        ([f"{before}{name}{after}" for name in names.split()], {key: part[i].strip() for key, part in values.items()})
-        for i, names in enumerate(lists)
-    ]
+    if "joint" not in instance.config:
+        return [[instance.name]]
+    before, _, after = instance.name.partition(instance.config.get("name", instance.name))
+    lists = instance.config["joint"].split(";")
+    return [[f"{before}{name}{after}" for name in names.split()] for names in lists]
+
+
+def served(instance: Any) -> list[tuple[list[str], dict[str, str]]]:
+    """The joints of an instance and their config, those with the same friction together."""
+    joints = _joints_of(instance)
+    values = {
+        key: text.split(";") if ";" in text else [text] * len(joints)
+        for key, text in instance.config.items()
+        if key not in ("joint", "name")
+    }
+    return [(names, {key: part[i].strip() for key, part in values.items()}) for i, names in enumerate(joints)]
 
 
 def _add_sensors(spec: mujoco.MjSpec, reads: str, plants: Mapping[str, Plant]) -> None:

@@ -226,6 +226,17 @@ def two_joint_arm(second="elbow"):
 </body></body></worldbody></mujoco>"""
 
 
+def test_friction_that_came_with_a_prefix_is_that_of_the_joint_as_it_is_called_now():
+    parent = mujoco.MjSpec.from_string(two_joint_arm())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # gravity differs
+        child = engine.attach(two_joint_arm(), {"*": BEARING})
+        parent.attach(child, prefix="left_", frame=parent.worldbody.add_frame())
+    with pytest.raises(ModelError, match="'left_elbow' has friction already"):
+        engine.attach(parent, {"left_elbow": DRY})
+    assert engine.attach(parent, {"elbow": DRY}).compile().nplugin == 2
+
+
 def test_joints_with_the_same_plant_share_one_instance():
     spec = engine.attach(two_joint_arm(), {"*": BEARING})
     model = spec.compile()
@@ -256,6 +267,12 @@ def test_sharing_changes_no_bit():
         out.append(data.qpos.copy())
     assert alone.compile().nplugin == 2
     assert np.array_equal(*out)
+
+
+def push(model, data, steps):
+    for k in range(steps):
+        data.qfrc_applied[:] = 3 * np.sin(0.1 * k + np.arange(model.nv))
+        mujoco.mj_step(model, data)
 
 
 def seven_plants():
@@ -290,9 +307,7 @@ def test_joints_of_different_friction_share_an_instance_and_no_bit_changes(integ
         data.qvel[:] = 1
         mujoco.mj_step(model, data, 20)
         mujoco.mj_resetData(model, data)
-        for k in range(300):
-            data.qfrc_applied[:] = 3 * np.sin(0.1 * k + np.arange(7))
-            mujoco.mj_step(model, data)
+        push(model, data, 300)
         assert np.array_equal(data.qpos, datas[0].qpos)
     for name in plants:
         readings = [engine.friction(m, d, name) for m, d in zip(models, datas, strict=True)]
@@ -310,9 +325,7 @@ def test_joints_of_different_friction_are_each_read_by_sensors():
     plants = seven_plants()
     model = engine.attach(MODELS / "arm.xml", plants, sensors=engine.READINGS).compile()
     data = mujoco.MjData(model)
-    for k in range(100):
-        data.qfrc_applied[:] = 3 * np.sin(0.1 * k + np.arange(7))
-        mujoco.mj_step(model, data)
+    push(model, data, 100)
     mujoco.mj_forward(model, data)
     for name in plants:
         reading = engine.friction(model, data, name)
