@@ -77,7 +77,6 @@ def test_at_the_floor_less_noise_is_no_explanation(
     assert judgement.is_worth_it(now, before, result, after) == worth
 
 
-
 @pytest.mark.parametrize(
     ("sliding", "turning", "worth"),
     [(0.1, 1.0, True), (0.1, 1.2, False), (0.8, 0.99, False)],

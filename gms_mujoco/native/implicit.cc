@@ -221,14 +221,13 @@ void Implicit::each_alone(int count, const double* damping, const double* dv, do
 void Implicit::solve(int count, const Inertia& inertia, const double* damping, const double* velocity,
                      const double* tau, double h) {
   const int n = inertia.n;
-  bool stiff = false, damped = false;
+  bool stiff = false;
   for (int i = 0; i < count; i++) {
     Unit& u = units[i];
     u.still = std::isnan(u.state[0]) ? 0 : (u.state[0] - u.now.position) / h;
     stiff |= h * u.steepest * u.weight > kStiff;
     stiffest_ = std::max(i == 0 ? 0 : stiffest_, h * u.steepest * u.weight);
   }
-  for (int i = 0; damping && !damped && i < n; i++) damped = damping[i] != 0;
   for (int i = 0; stiff && i < count; i++) {
     Unit& u = units[i];
     u.forward = u.backward = kUnset;
@@ -244,7 +243,7 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
   double* dv = change_.data();
   bool factored = false;
   for (int iteration = 0; iteration < kIterations; iteration++) {
-    bool holds = false, level = !damped && inertia.factor;
+    bool holds = false, level = !damping && inertia.factor;
     for (int i = 0; i < n; i++) dv[i] = h * tau[i];
     for (int i = 0; i < count; i++) {
       const Unit& u = units[i];
@@ -260,22 +259,22 @@ void Implicit::solve(int count, const Inertia& inertia, const double* damping, c
     if (level && !holds) {
       substitute(inertia, inertia.factor, inertia.inverse_diagonal, dv);
     } else {
-      refresh(stiff ? count : 0, inertia, damped ? damping : nullptr, h, !factored);
+      refresh(stiff ? count : 0, inertia, damping, h, !factored);
       factored = true;
       for (int i = 0; holds && i < count; i++) {
         const Unit& u = units[i];
         const int k = u.dof;
-        const double diagonal = inertia.value[inertia.diagonal(k)] + (damped ? h * damping[k] : 0);
+        const double diagonal = inertia.value[inertia.diagonal(k)] + (damping ? h * damping[k] : 0);
         if (u.used == kInfinity) dv[k] = kHold * diagonal * (u.still - velocity[k]);
       }
       substitute(inertia, factor_.data(), diagonal_.data(), dv);
     }
-    if (!stiff) return each_alone(count, damped ? damping : nullptr, dv, h);
+    if (!stiff) return each_alone(count, damping, dv, h);
     if (holds) multiply(inertia, dv, product_.data());
     bool done = true;
     for (int i = 0; i < count; i++) {
       const int k = units[i].dof;
-      const double reaction = holds ? product_[k] / h + (damped ? damping[k] * dv[k] : 0) - tau[k] : 0;
+      const double reaction = holds ? product_[k] / h + (damping ? damping[k] * dv[k] : 0) - tau[k] : 0;
       done &= settled(&units[i], velocity[k] + dv[k], velocity[k], reaction, h);
     }
     if (done) return;

@@ -54,8 +54,8 @@ class Implicit {
     double torque;        // in: at the anchor; out: over the step
     double slope;         // in and out: tangent of the law, -df/dv; infinite where it holds; below 0: not known
 
-    // Of the solution; first what joints that are not stiff use, too.
-    double start, still, origin;        // torque at the anchor; velocity of no displacement; point of the tangent
+    // Of the solution; joints that are not stiff use the first alone.
+    double still, start, origin;        // velocity of no displacement; torque at the anchor; point of the tangent
     double side, value;                 // side of standstill that the tangent is for; its torque at `origin`
     double used;                        // slope of the tangent in use: 0 where little depends on it
     double bend;                        // size of the law's slope there, or 0
@@ -69,7 +69,7 @@ class Implicit {
   // For so many units, and a matrix of n rows with n_value numbers.
   void reserve(int n_units, int n, int n_value);
 
-  // The first `count` units. `damping` (n) and `velocity` (n); `tau` (n) is the net torque
+  // The first `count` units. `damping` (n), null where none is damped, and `velocity` (n); `tau` (n) is the net torque
   // without that of the units.
   void solve(int count, const Inertia& inertia, const double* damping, const double* velocity, const double* tau, double h);
 
