@@ -248,14 +248,21 @@ def _joints_of(instance: Any) -> list[list[str]]:
 
 
 def served(instance: Any) -> list[tuple[list[str], dict[str, str]]]:
-    """The joints of an instance and their config, those with the same friction together."""
-    joints = _joints_of(instance)
-    values = {
-        key: text.split(";") if ";" in text else [text] * len(joints)
-        for key, text in instance.config.items()
-        if key not in ("joint", "name")
-    }
-    return [(names, {key: part[i].strip() for key, part in values.items()}) for i, names in enumerate(joints)]
+    """The joints of an instance and their config, those with the same friction together.
+
+    Raises:
+        ModelError: a value is given for another number of groups than there are.
+    """
+    joints, values = _joints_of(instance), {}
+    for key, text in instance.config.items():
+        parts = text.split(";")
+        if key in ("joint", "name"):
+            continue
+        if len(parts) not in (1, len(joints)):
+            given = f"{key} has {len(parts)} parts between semicolons, joint {len(joints)}"
+            raise ModelError(f"plug-in instance {instance.name!r}: {given}")
+        values[key] = parts * len(joints) if len(parts) == 1 else parts
+    return [(names, {key: parts[i].strip() for key, parts in values.items()}) for i, names in enumerate(joints)]
 
 
 def _add_sensors(spec: mujoco.MjSpec, reads: str, plants: Mapping[str, Plant]) -> None:

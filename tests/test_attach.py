@@ -352,6 +352,9 @@ def test_parts_that_do_not_belong_together_are_refused(old, new, message):
     assert old in good
     with pytest.raises(ValueError, match=message):
         mujoco.MjModel.from_xml_string(good.replace(old, new))
+    if "parts" in message:
+        with pytest.raises(ModelError, match=message):
+            Plant.from_mjcf(good.replace(old, new), "elbow")
 
 
 def test_a_joint_with_a_blank_in_its_name():
