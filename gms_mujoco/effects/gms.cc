@@ -31,29 +31,28 @@ double keep(int n, const double* state, double* next) {
 }
 
 // The Stribeck curve and what is left of a difference to it, at the mean velocity of the interval.
-double level_of(const double* c, const Motion& m, double scale) {
-  return gms::stribeck_level(m, c[0], c[1], c[2], c[3]) * scale;
+inline double level_of(const double* c, const Motion& m, const Level& at) {
+  return gms::stribeck_level(m, c[0], c[1], c[2], c[3]) * at.at(m.displacement);
 }
-double left_of(const double* c, const Motion& m, double level) {
+inline double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
 
 // What the elements of a joint need to know of an interval in which it has moved.
 struct Way {
   double direction, distance;
-  double scale;        // of the level in this direction
   double lowest;       // what an element may carry against the motion, of its fraction; below 0
   bool slips_back;     // whether what falls below that slips
   double level, left;  // most that it carries along the motion, of its fraction; what has not decayed of a difference to it
 };
 
 // But for level and left, which are dear.
-Way way_of(const double* p, int n, const Motion& m, const Level& at) {
+inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   const bool back = m.displacement < 0;
   const double scale = back ? at.backward : at.forward, other = back ? at.forward : at.backward;
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
   const double lowest = -p[2 * n + 1] * (at.drops ? scale : other);
-  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, lowest,
+  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), lowest,
           at.stiffens && scale < other, 0, 0};
 }
 
@@ -83,17 +82,19 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
   return -total;
 }
 
-// One step after the other for all joints: nothing waits for the joint before, and nobody guesses what it does.
+// What is dear first, for one joint after the other: nothing waits for the joint before, and nobody guesses what it does.
 void torques(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
              const double* const* state, double* const* next, double* out) {
-  Way way[gms::kTogether];
-  for (int j = 0; j < count; j++) way[j] = way_of(p[j], n, m[j], level[j]);
-  for (int j = 0; j < count; j++) way[j].level = level_of(p[j] + 2 * n, m[j], way[j].scale);
-  for (int j = 0; j < count; j++) way[j].left = left_of(p[j] + 2 * n, m[j], way[j].level);
+  double most[gms::kTogether], left[gms::kTogether];
+  for (int j = 0; j < count; j++) most[j] = level_of(p[j] + 2 * n, m[j], level[j]);
+  for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], most[j]);
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
-    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way[j], from, to);
+    Way way = way_of(p[j], n, m[j], level[j]);
+    way.level = most[j];
+    way.left = left[j];
+    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way, from, to);
   }
 }
 
@@ -108,10 +109,10 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
   bool known[gms::kTogether];  // from the joint before
   for (int j = 0; j < count; j++) {
     way[j] = way_of(p[j], n, m, level[j]);
-    known[j] = j > 0 && way[j].scale == way[j - 1].scale;
+    known[j] = j > 0 && level[j].at(m.displacement) == level[j - 1].at(m.displacement);
     for (int i = 2 * n; known[j] && i < 2 * n + kCurve; i++) known[j] = p[j][i] == p[j - 1][i];
   }
-  for (int j = 0; j < count; j++) way[j].level = known[j] ? way[j - 1].level : level_of(p[j] + 2 * n, m, way[j].scale);
+  for (int j = 0; j < count; j++) way[j].level = known[j] ? way[j - 1].level : level_of(p[j] + 2 * n, m, level[j]);
   for (int j = 0; j < count; j++) way[j].left = known[j] ? way[j - 1].left : left_of(p[j] + 2 * n, m, way[j].level);
   for (int j = 0; j < count; j++) out[j] = move(p[j], n, way[j], state[j], next[j]);
 }
@@ -121,13 +122,13 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
   const double *stiffness = p, *fraction = p + n;
   Way way = way_of(p, n, m, level);
-  const double least = p[2 * n] * way.scale;
+  const double least = p[2 * n] * level.at(m.displacement);
   double total = 0;
   for (int i = 0; i < n; i++) {
     const double force = way.direction * state[2 * i + kForce] + stiffness[i] * way.distance;
     const bool sticks = force <= fraction[i] * least && force >= fraction[i] * way.lowest;
     if (state[2 * i + kSlip] == way.direction || !sticks) {
-      way.level = level_of(p + 2 * n, m, way.scale);
+      way.level = level_of(p + 2 * n, m, level);
       way.left = left_of(p + 2 * n, m, way.level);
       return move(p, n, way, state, next);
     }

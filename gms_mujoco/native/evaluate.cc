@@ -12,15 +12,6 @@ namespace {
 constexpr double kLoose = 0.3;   // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
 
-// Puts torque f into qfrc_passive in the place of the last one. Adding the difference would be wrong by a
-// rounding error each time; another passive force that came in between is kept.
-void apply(Unit* x, mjData* d, double f) {
-  double* total = d->qfrc_passive + x->dof;
-  if (*total != x->sum) x->base += *total - x->sum;
-  x->book(d)[kTorque] = f;
-  *total = x->sum = x->base + f;
-}
-
 // Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
 // that is left for the coupling between joints, and below it the explicit step is the more accurate one.
 GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
@@ -102,10 +93,12 @@ const double* actuator_torque(const mjModel* m, const mjData* d, Group* g) {
 }
 
 bool any_wrench(const mjModel* m, const mjData* d) {
-  std::uint64_t any = 0, bits[6];
+  std::uint64_t any = 0, bits;
   for (int i = 1; i < m->nbody; i++) {
-    std::memcpy(bits, d->xfrc_applied + 6 * i, sizeof bits);
-    any |= bits[0] | bits[1] | bits[2] | bits[3] | bits[4] | bits[5];
+    for (int k = 0; k < 6; k++) {
+      std::memcpy(&bits, d->xfrc_applied + 6 * i + k, sizeof bits);
+      any |= bits;
+    }
   }
   return any != 0;
 }
@@ -130,11 +123,29 @@ const double* implicit_damping(const mjModel* m) {
   return nullptr;
 }
 
+// Puts the torque of a late joint over the step into qfrc_passive, in the place of the last one. Adding the difference
+// would be wrong by a rounding error each time.
+inline void finish(Unit* x, mjData* d, double f, double slope) {
+  double* book = x->book(d);
+  book[kTorque] = f;
+  book[kNextSlope] = slope;
+  d->qfrc_passive[x->dof] = x->sum = x->base + f;
+  x->own += f;
+}
+
 // Late joints that are far from stiff, where none is damped: each for itself. What the others do to it is that of the last
 // step, and M is not even solved with: their friction at the end of the last step is their friction at the beginning of
 // this one.
-void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, const double* tau) {
+inline Alone loose(const mjModel* m, const mjData* d, const Unit& x) {
+  const double *state = d->plugin_state + x.state_start, *book = state + x.n_state, start = book[kAhead];
   const double h = m->opt.timestep;
+  const Sample now = x.now(d);
+  const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
+  const double free = now.velocity + h * (book[kFromOthers] + x.weight * (x.own + start));
+  return {now, still, free, h * x.weight, start, x.slope, free};
+}
+
+GMS_APART void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count) {
   Together t;
   Alone alone[kTogether];
   for (int i = 0, n; i < count; i += n) {
@@ -142,22 +153,13 @@ void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count, con
     const int most = std::min(joint.at_once(), count - i);
     for (n = 0; n < most && units[i + n]->joint->alike(joint); n++) {
       const Unit& x = *units[i + n];
-      double* state = x.state(d);
-      const double *book = state + x.n_state, start = book[kAhead];
-      const Sample now = x.now(d);
-      const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
-      const double free = now.velocity + h * (book[kFromOthers] + x.weight * (tau[x.dof] + start));
-      alone[n] = {now, still, free, h * x.weight, start, x.slope, free};
+      alone[n] = loose(m, d, x);
       t.joint[n] = x.joint;
-      t.state[n] = state;
+      t.state[n] = x.state(d);
+      t.motion[n] = alone[n].ahead(t.state[n], m->opt.timestep);
     }
-    solve_alone(n, alone, h, &t);
-    for (int j = 0; j < n; j++) {
-      Unit& x = *units[i + j];
-      apply(&x, d, t.torque[j]);
-      x.own = tau[x.dof] + t.torque[j];
-      x.book(d)[kNextSlope] = -1;
-    }
+    solve_alone(n, alone, m->opt.timestep, &t);
+    for (int j = 0; j < n; j++) finish(units[i + j], d, t.torque[j], -1);
   }
 }
 
@@ -181,48 +183,48 @@ GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, 
   g->implicit.units = units;
   g->implicit.solve(count, inertia, damping, d->qvel, g->tau.data(), m->opt.timestep);
   for (int i = 0; i < count; i++) {
-    Unit* x = g->active[i];
-    apply(x, d, units[i].torque);
-    x->own = g->tau[x->dof] + units[i].torque;
-    x->book(d)[kNextSlope] = units[i].slope;
+    finish(g->active[i], d, units[i].torque, units[i].slope);
   }
 }
 
 // Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
 void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
   int n = 0;
-  bool loose = true;
+  bool all_loose = true;
   for (Instance* instance : g->instances) {
     for (Unit& x : instance->units) {
       if (!x.late() || x.asleep(d)) continue;
       const double* state = x.state(d);
       if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
-      if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote
+      if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote: that stays
         x.base += d->qfrc_passive[x.dof] - x.sum;
         x.sum = d->qfrc_passive[x.dof];
       }
-      loose &= x.stiffness <= kLoose && state[x.n_state + kFromOthers] != kInfinity;
+      x.own = x.base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof];
+      all_loose &= x.stiffness <= kLoose && state[x.n_state + kFromOthers] != kInfinity;
       g->active[n++] = &x;
     }
   }
   if (n == 0) return;
 
-  double* tau = g->tau.data();
+  Unit* const* active = g->active.data();
   const double* damping = implicit_damping(m);
   const bool wrenches = any_wrench(m, d);
-  loose &= !damping;
-  for (int i = 0; (wrenches || !loose) && i < m->nv; i++) {
-    tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
+  all_loose &= !damping;
+  if (wrenches || !all_loose) {
+    double* tau = g->tau.data();
+    for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
+    for (int i = 0; i < n; i++) tau[active[i]->dof] = active[i]->own;
+    if (wrenches) add_wrenches(m, d, tau);
+    for (int i = 0; i < n; i++) active[i]->own = tau[active[i]->dof];
   }
-  for (int i = 0; i < n; i++) {
-    const Unit* x = g->active[i];
-    tau[x->dof] = x->base - bias[x->dof] + d->qfrc_applied[x->dof] + actuator[x->dof];
-  }
-  if (wrenches) add_wrenches(m, d, tau);
-  if (loose) {
-    solve_loose(m, d, g->active.data(), n, tau);
-  } else {
+  if (!all_loose) {
     solve_implicit(m, d, g, n, damping);
+  } else if (n > 1) {
+    solve_loose(m, d, active, n);
+  } else {
+    Unit* x = active[0];
+    finish(x, d, loose(m, d, *x).torque(*x->joint, x->state(d), m->opt.timestep, kLooks), -1);
   }
 }
 

@@ -9,7 +9,6 @@ namespace {
 constexpr double kHold = 1e30;      // on the diagonal: the velocity of this joint is prescribed
 constexpr double kExact = 1e-7;     // a law this close to its tangent is on it, in parts of the torque
 constexpr double kSoft = 0.05;      // h slope / inertia below which a tangent may be taken as level
-constexpr double kLeft = 0.05;      // error that may be left, in parts of the change of torque over the step
 constexpr double kFine = 1e-3;      // how far a stiff neighbour may be put off, in parts of the torque
 constexpr double kStiff = 1;        // h slope / inertia from which joints are solved for together
 constexpr int kIterations = 12;
@@ -165,35 +164,13 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   return false;
 }
 
-bool Alone::settled(double torque) {
-  const double change = torque - start, off = free + gain * change - at, away = at - still;
-  // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
-  const double chord = std::max(0.0, away == 0 ? 0 : -change / away);
-  const bool onward = away * (now.velocity - still) > 0;
-  if (std::fabs(off) * (onward ? chord : steepest) <= kLeft * std::fabs(change)) return true;
-  at += off / (1 + gain * chord);
-  return false;
-}
-
 void solve_alone(int count, Alone* alone, double h, Together* t) {
-  const auto side = [](const Alone& x) { return x.at > x.still ? 1 : x.at < x.still ? -1 : sign(x.now.velocity); };
-  const auto look = [&](int j) {
-    const Alone& x = alone[j];
-    return t->joint[j]->torque_ahead(x.now, t->state[j], h, x.at, side(x));
-  };
-  if (count > 1) {
-    const int size = t->joint[0]->n_state();
-    for (int j = 0; j < count; j++) {
-      const Alone& x = alone[j];
-      t->motion[j] = Joint::ahead(x.now, t->state[j], h, x.at, side(x));
-      t->room[j] = t->numbers + j * size;
-    }
-    Joint::torques(count, t->joint, t->motion, t->state, t->room, t->torque);
-  } else {
-    t->torque[0] = look(0);
-  }
+  const int size = t->joint[0]->n_state();
+  for (int j = 0; j < count; j++) t->room[j] = t->numbers + j * size;
+  Joint::torques(count, t->joint, t->motion, t->state, t->room, t->torque);
   for (int j = 0; j < count; j++) {
-    for (int looks = 1; !alone[j].settled(t->torque[j]) && looks < 4; looks++) t->torque[j] = look(j);
+    double& f = t->torque[j];
+    if (!alone[j].settled(f)) f = alone[j].torque(*t->joint[j], t->state[j], h, kLooks - 1);
   }
 }
 
@@ -209,6 +186,7 @@ void Implicit::each_alone(int count, const double* damping, const double* dv, do
       alone[n] = {u.now, u.still, free, gain, u.torque, u.steepest, free};
       t.joint[n] = u.joint;
       t.state[n] = u.state;
+      t.motion[n] = alone[n].ahead(u.state, h);
     }
     solve_alone(n, alone, h, &t);
     for (int j = 0; j < n; j++) {

@@ -2,6 +2,7 @@
 #ifndef GMS_MUJOCO_NATIVE_IMPLICIT_H_
 #define GMS_MUJOCO_NATIVE_IMPLICIT_H_
 
+#include <algorithm>
 #include <vector>
 
 #include "joint.h"
@@ -15,6 +16,9 @@ struct Inertia : Tree {
   const double *factor, *inverse_diagonal;
 };
 
+constexpr double kLeft = 0.05;  // error that may be left, in parts of the change of torque over the step
+constexpr int kLooks = 4;       // at the law of a joint that is solved for alone
+
 // A joint that is solved for alone: v = free + gain (f(v) - start).
 struct Alone {
   Sample now;
@@ -23,11 +27,34 @@ struct Alone {
   double start, steepest;  // torque at the anchor; Joint::slope
   double at;               // where the law is looked at: to begin with, `free`
 
-  // Whether the law found there may stay. If not, `at` is where to look next.
-  bool settled(double torque);
+  // Where that takes the joint over a step h from `state`.
+  Motion ahead(const double* state, double h) const {
+    return Joint::ahead(now, state, h, at, at > still ? 1 : at < still ? -1 : sign(now.velocity));
+  }
+
+  // Whether the torque found there may stay. If not, `at` is where to look next.
+  bool settled(double torque) {
+    const double change = torque - start, off = free + gain * change - at, away = at - still;
+    // Away from where the joint comes from more and more of it slips: the law is steeper nowhere than its chord.
+    const double chord = std::max(0.0, away == 0 ? 0 : -change / away);
+    const bool onward = away * (now.velocity - still) > 0;
+    if (std::fabs(off) * (onward ? chord : steepest) <= kLeft * std::fabs(change)) return true;
+    at += off / (1 + gain * chord);
+    return false;
+  }
+
+  // The torque over the step, after so many looks at most.
+  double torque(const Joint& joint, const double* state, double h, int looks) {
+    double found, next[Joint::kMaxState];
+    do {
+      found = joint.torque_over(ahead(state, h), state, next);
+    } while (!settled(found) && --looks > 0);
+    return found;
+  }
 };
 
-// Solves for so many joints that are alike, t->joint, each alone, over a step h, from t->state; into t->torque.
+// Solves for so many joints that are alike, t->joint, each alone, over a step h, from t->state; into t->torque. t->motion is
+// where they are looked at first.
 void solve_alone(int count, Alone* alone, double h, Together* t);
 
 // Finds the torques f that solve, for all joints together,

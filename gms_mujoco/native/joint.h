@@ -90,14 +90,12 @@ class Joint {
     return motion;
   }
 
-  // How it moves from there to the end of a step of length h from `now` that ends with velocity v. Where that is no
-  // displacement, `side` says from which side: +1 or -1.
+  // How it moves to the end of a step of length h from `now`, when the state holds, that ends with velocity v. Where that
+  // is no displacement, `side` says from which side: +1 or -1.
   static Motion ahead(const Sample& now, const double* state, double h, double v, double side) {
-    const bool fresh = std::isnan(state[0]);
-    double moved = (fresh ? 0 : now.position - state[0]) + h * v;
+    double moved = (std::isnan(state[0]) ? 0 : now.position - state[0]) + h * v;
     if (moved == 0 || (moved > 0) != (side > 0)) moved = side * kTiny;  // rounding at standstill
-    const double duration = (fresh || !(now.time > state[1]) ? 0 : now.time - state[1]) + h;
-    return Motion{now.position + h * v, moved, v, duration, now.time + h, now.load, now.temperature};
+    return Motion{now.position + h * v, moved, v, h, now.time + h, now.load, now.temperature};
   }
 
   // Torque at the end of such a step.
