@@ -83,19 +83,26 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
 }
 
 // What is dear first, for one joint after the other: nothing waits for the joint before, and nobody guesses what it does.
-void torques(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
-             const double* const* state, double* const* next, double* out) {
+template <bool kPlain>  // nothing scales the level: compilers leave out all that would
+inline void each(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
+                 const double* const* state, double* const* next, double* out) {
+  const auto of = [level](int j) { return kPlain ? Level() : level[j]; };
   double most[gms::kTogether], left[gms::kTogether];
-  for (int j = 0; j < count; j++) most[j] = level_of(p[j] + 2 * n, m[j], level[j]);
+  for (int j = 0; j < count; j++) most[j] = level_of(p[j] + 2 * n, m[j], of(j));
   for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], most[j]);
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
-    Way way = way_of(p[j], n, m[j], level[j]);
+    Way way = way_of(p[j], n, m[j], of(j));
     way.level = most[j];
     way.left = left[j];
     out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way, from, to);
   }
+}
+
+void torques(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
+             const double* const* state, double* const* next, double* out) {
+  (level ? each<false> : each<true>)(p, n, count, m, level, at, state, next, out);
 }
 
 // The same for joints that move alike. Those with one Stribeck curve, of which only the elements differ, share it.

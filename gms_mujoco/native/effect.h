@@ -106,7 +106,8 @@ struct Effect {
   bool turns_round = false;
 
   // What `torque` gives, to the last bit, for up to kTogether joints, of which each has its parameters, motion, level and
-  // states, from number `at` of theirs on: for speed alone. Null: `torque` is called for each.
+  // states, from number `at` of theirs on: for speed alone. `level` is null where nothing modulates friction. Null: `torque`
+  // is called for each.
   void (*torques)(const double* const* p, int n, int count, const Motion* motion, const Level* level, int at,
                   const double* const* state, double* const* next, double* torque) = nullptr;
 

@@ -49,7 +49,6 @@ void Joint::liken(const Joint& other) {
 
 void Joint::torques(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
                     double* const* next, double* total) {
-  static const Level kPlain[kTogether];
   const Joint& first = *joints[0];
   if (count == 1) {
     *total = first.torque_over(*motion, *state, *next);
@@ -62,14 +61,14 @@ void Joint::torques(int count, const Joint* const* joints, const Motion* motion,
   if (!first.only_.effect) return sums(count, joints, motion, state, next, total);
   const double* p[kTogether];
   for (int j = 0; j < count; j++) p[j] = joints[j]->only_.p;
-  torques_of(first.only_, p, count, motion, kPlain, state, next, total);
+  torques_of(first.only_, p, count, motion, nullptr, state, next, total);
 }
 
 void Joint::torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,
                        const double* const* state, double* const* next, double* torque) {
   if (x.effect->torques) return x.effect->torques(p, x.n, count, motion, level, x.state, state, next, torque);
   for (int j = 0; j < count; j++) {
-    torque[j] = x.effect->torque(p[j], x.n, motion[j], level[j], state[j] + x.state, next[j] + x.state);
+    torque[j] = x.effect->torque(p[j], x.n, motion[j], level ? level[j] : Level(), state[j] + x.state, next[j] + x.state);
   }
 }
 
