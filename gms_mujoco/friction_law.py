@@ -8,7 +8,7 @@ from . import effects
 from .effect import Effect
 from .fit import FitResult, fit_observations
 from .held_out import HeldOut, p_value
-from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of
+from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, left_of, takes
 from .linear_model import cross_validated
 from .plant import Plant
 from .search import Search, Step
@@ -56,23 +56,25 @@ class FrictionLaw:
     def better(self) -> Trial | None:
         """The best of the other laws that earns its place beside what was found so far; None where the own one stays.
 
-        At the noise floor none is tried.
+        None is tried where noise leaves too little for any to be worth it. At the floor already, whose tolerance has
+        room for a wrong law that a stiff contact hides, another has to take as much of everything as an effect there.
         """
         search, earned = self._search, []
-        plant = search.steps[-1].result.plant
-        for law in () if search.at_floor else self._laws:
-            if law.name in plant or law.name in self._taken:
+        now = search.steps[-1].result
+        room = takes(left_of(now.misfit, now.vector), floor_of(now), 0.0)
+        for law in self._laws if room else ():
+            if law.name in now.plant or law.name in self._taken:
                 continue
-            now = search.steps[-1].result
             most = _NEAR * now.misfit.cost(now.vector)
-            result = fit_observations(with_law(plant, law), search.seen, below=most)
+            result = fit_observations(with_law(now.plant, law), search.seen, below=most)
             held_out = cross_validated(result.misfit, result.vector)
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
             at_floor = held_out.total <= AT_FLOOR**2 * floor_of(result)
             falls = search.held_out.total - held_out.total > LEAST_GAIN * search.held_out.total
-            if p < FALSE_DISCOVERY_RATE and (worth or (at_floor and falls)) and search.selects(result):
+            earns = worth or (at_floor and falls and not search.at_floor)
+            if p < FALSE_DISCOVERY_RATE and earns and search.selects(result):
                 earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
         return min(earned, key=lambda t: t.held_out.total, default=None)
 

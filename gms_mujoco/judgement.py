@@ -131,14 +131,19 @@ def is_worth_it(
     What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
     more harmonic of an effect that is there already, no new cause, asks for no `share`.
 
+    It takes that of what the fits leave, too: few records may leave a plant without the effect so little to tell a
+    block by that any other start of the refits predicts it better.
+
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
     the noise is less says nothing for an effect, see `_quieter`.
     """
     if takes_of_sliding(now, before, result, after):
         return True
+    own, left = left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
     if not at_floor(now, before):
-        return takes(before.total, after.total, min(floor_of(now), floor_of(result)), share)
-    if not takes(before.total, after.total, 0.0, share):
+        floor = min(floor_of(now), floor_of(result))
+        return takes(before.total, after.total, floor, share) and takes(own, left, floor, share)
+    if not (takes(before.total, after.total, 0.0, share) and takes(own, left, 0.0, share)):
         return False
     return takes(before.total, after.total + _quieter(now, result), 0.0, share)
 
@@ -168,7 +173,8 @@ def _quieter(now: FitResult, result: FitResult) -> float:
     Friction that has stiffened to stand for what is missing passes on a great deal, and no effect hides that noise.
     """
     added = [e for e in result.plant.effects if e.name not in now.plant]
-    if not added:
+    exchanged = any(e.name not in result.plant for e in now.plant.effects)
+    if exchanged or not added:
         return max(floor_of(now, result.noise) - floor_of(result), 0.0)
     effect = added[0]
     if absent(effect) == effect:

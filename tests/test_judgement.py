@@ -71,10 +71,30 @@ def test_at_the_floor_less_noise_is_no_explanation(
         return 60.0 + coupling * rigid + friction * (r is now)
 
     monkeypatch.setattr(judgement, "floor_of", floor)
+    monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: 90.0 if misfit is now.misfit else 55.0)
     before: Any = SimpleNamespace(total=100.0)
     after: Any = SimpleNamespace(total=60.0)
     assert judgement.at_floor(now, before)
     assert judgement.is_worth_it(now, before, result, after) == worth
+
+
+@pytest.mark.parametrize("floor", [10.0, 60.0], ids=["above the floor", "at the floor"])
+def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gain(
+    monkeypatch: pytest.MonkeyPatch, floor: float
+) -> None:
+    """Of two seconds of a healthy axis refits of the bare plant lost so much that cogging seemed to take a third."""
+    left = {"now": 90.0, "result": 89.0}
+    now: Any = SimpleNamespace(misfit="now", vector=None)
+    result: Any = SimpleNamespace(misfit="result", vector=None)
+    monkeypatch.setattr(judgement, "floor_of", lambda *given: floor)
+    monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: left[misfit])
+    monkeypatch.setattr(judgement, "_quieter", lambda *given: 0.0)
+    monkeypatch.setattr(judgement, "takes_of_sliding", lambda *given: False)
+    before: Any = SimpleNamespace(total=100.0)
+    after: Any = SimpleNamespace(total=60.0)
+    assert not judgement.is_worth_it(now, before, result, after)
+    left["result"] = 50.0
+    assert judgement.is_worth_it(now, before, result, after)
 
 
 @pytest.mark.parametrize(
