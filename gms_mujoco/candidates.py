@@ -17,7 +17,7 @@ from . import effects
 from .effect import Effect
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
-from .parameter import Parameter
+from .parameter import WAVES, Parameter
 from .plant import Plant
 from .scales import Scales
 from .servo_observation import ServoObservation
@@ -68,7 +68,7 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
     """The effects of the catalogue that could be added to a plant.
 
     Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
-    none that counts revolutions; and from frequency responses alone none that they cannot show.
+    none that comes once in a revolution; and from frequency responses alone none that they cannot show.
     """
     if any(isinstance(o, ServoObservation) for o in observations):
         return _on_servos(plant)
@@ -79,7 +79,7 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
         contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
     out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
     out = [e for e in out if e.kind != "controller"]  # a record of torque says nothing about one
-    return [e for e in out if plant.kind == "hinge" or not has_phase(e)]
+    return [e for e in out if plant.kind == "hinge" or grows(e) or not has_phase(e)]
 
 
 def joined(plant: Plant, effect: Effect) -> Plant:
@@ -102,7 +102,7 @@ def merged(one: Effect, other: Effect) -> Effect:
 
 def grows(effect: type[Effect]) -> bool:
     """Whether an effect is a series of harmonics, to which one more can be added."""
-    return any(p.unit == "1/rev" and p.per_element for p in effect.parameters)
+    return any(p.unit == WAVES and p.per_element for p in effect.parameters)
 
 
 def lean(effect: Effect) -> Effect:
@@ -157,6 +157,8 @@ def shapes(
     for p in effect.parameters:
         if p.name == "phase" or not math.isnan(p.default):
             continue
+        if plant is not None and plant.kind == "slide" and p.unit == WAVES:
+            return  # as many as there are lengths: see `place_spectrum`
         values: Sequence[float] | Array = _grid(effect, p, scales, observations)
         if plant is not None and effect.name in plant:
             values = [v for v in values if v not in np.atleast_1d(plant[effect.name].values[p.name])]
@@ -170,7 +172,7 @@ def _grid(
 ) -> Sequence[float] | Array:
     """What a parameter may typically be, by its unit and what the records span."""
     span = float(np.median([np.ptp(o.position) for o in observations]))
-    if p.unit == "1/rev":
+    if p.unit == WAVES:
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset.
         turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)

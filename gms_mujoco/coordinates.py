@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameter import Parameter
+from .parameter import WAVES, Parameter
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -36,7 +36,14 @@ class _Block:
             return "share"
         if self.parameter.at_least:
             return "above"
+        if self.is_wave_number:
+            return "linear"
         return "log" if self.parameter.lower >= 0 and self.parameter.default != 0 else "linear"
+
+    @property
+    def is_wave_number(self) -> bool:
+        """Whether it says how fast a phase grows with the place; its size says nothing of how far it may move."""
+        return self.parameter.unit == WAVES
 
     @property
     def reference(self) -> str:
@@ -94,7 +101,7 @@ class Coordinates:
         self.template = template
         blocks = [] if template.inertia_known else [_Block("", _INERTIA, 1)]
         for e in template.effects:
-            chosen = [p for p in e.parameters if p.free or not free_only]
+            chosen = [p for p in e.parameters if p.free or not free_only or _is_wave_number(p, template.kind)]
             blocks += [_Block(e.name, p, e.elements if p.per_element else 1) for p in chosen]
         self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]
         self.size = sum(b.size for b in self.blocks)
@@ -114,6 +121,11 @@ class Coordinates:
     def is_linear(self) -> NDArray[np.bool_]:
         """Which coordinates are in the unit of their parameter."""
         return np.array([b.scale in ("linear", "above") for b in self.blocks for _ in range(b.size)], bool)
+
+    @property
+    def is_wave_number(self) -> NDArray[np.bool_]:
+        """Which coordinates are the wave numbers of an effect on a slide joint."""
+        return np.array([b.is_wave_number for b in self.blocks for _ in range(b.size)], bool)
 
     def encode(self, plant: Plant) -> Array:
         """(size,) coordinates of a plant."""
@@ -190,6 +202,11 @@ class Coordinates:
                     lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}
         return out
+
+
+def _is_wave_number(p: Parameter, kind: str) -> bool:
+    """Whether a parameter is one that a fit moves: what comes back in a revolution does so a whole number of times."""
+    return kind == "slide" and p.unit == WAVES
 
 
 def all_labels(plant: Plant) -> list[str]:

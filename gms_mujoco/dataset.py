@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,14 @@ class Dataset:
     frfs: tuple[FRF, ...] = ()
     joint: str | None = None
     servos: tuple[ServoRun, ...] = ()
+
+    def __iter__(self) -> NoReturn:
+        """A set is no list: `fit(plant, runs)` would take what is set apart for validation.
+
+        Raises:
+            DataError: always.
+        """
+        raise DataError("a measurement set is given as one of its parts: .fit, .select, .validate or .all")
 
     @property
     def controller(self) -> str | None:

@@ -308,7 +308,7 @@ class Misfit:
     def _steps(self, x: Array) -> Array:
         """(size,) small steps of each unknown, from its scale."""
         n = self.coordinates.size
-        scale = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 1.0)
+        scale = np.where(self.coordinates.is_linear, self._sizes(x), 1.0)
         steps = _STEP * np.concatenate([scale, np.ones(self.size - n)])
         steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
         return np.asarray(steps)
@@ -348,8 +348,13 @@ class Misfit:
     def reach(self, x: Array) -> Array:
         """(size,) how far each unknown may plausibly move from `x`, where a linear model of it still says something."""
         n = self.coordinates.size
-        near = np.where(self.coordinates.is_linear, np.maximum(np.abs(x[:n]), self._typical), 0.5)
+        near = np.where(self.coordinates.is_linear, self._sizes(x), 0.5)
         return np.append(near, 0.5 * self.bounds[1][n:])
+
+    def _sizes(self, x: Array) -> Array:
+        """(coordinates,) size of each linear coordinate, at least that at which it matters."""
+        own = np.where(self.coordinates.is_wave_number, 0.0, np.abs(x[: self.coordinates.size]))
+        return np.asarray(np.maximum(own, self._typical))
 
     @cached_property
     def _visible(self) -> tuple[Array, Array]:

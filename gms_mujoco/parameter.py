@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+WAVES = "1/rev"  # unit of a harmonic: a whole number of periods per revolution; on a slide joint rad/m, any wave number
 
 @dataclass(frozen=True)
 class Parameter:
@@ -9,7 +10,7 @@ class Parameter:
 
     Attributes:
         name: as written in `model.toml`.
-        unit: SI, for a hinge (a slide joint reads m for rad and N for N m).
+        unit: SI, for a hinge (a slide joint reads m for rad, N for N m and rad/m for 1/rev).
         default: value where none is given. A default of 0 marks a strength: with all strengths at 0 the effect is
             absent. NaN: none, a fit or the user must give it.
         lower, upper: closed bounds.

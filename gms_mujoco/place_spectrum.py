@@ -23,22 +23,23 @@ _PERIODS = 3  # passed through at least
 _BINS = 8  # of the revolution, to a period
 
 
-def standing_out(place: Array, values: Array, least: int, most: int) -> list[int]:
+def standing_out(place: Array, values: Array, least: int, most: int, turn: float = 2 * math.pi) -> list[int]:
     """The harmonics from `least` to `most` whose square stands out of that of the others, the strongest first.
 
     Args:
-        place: (m,) [rad].
+        place: (m,) [rad or m].
         values: (m,) that may depend on it.
         least, most: periods in a revolution.
+        turn: length of one [rad or m].
     """
     if most <= least or not len(place):
         return []
     values = np.clip(values, *(_SPIKE * np.median(np.abs(values)) * np.array([-1, 1])))  # reversals have all harmonics
     n = 2 ** math.ceil(math.log2(_BINS * most))
-    bins = np.floor(np.mod(place, 2 * math.pi) * (n / (2 * math.pi))).astype(np.intp) % n
+    bins = np.floor(np.mod(place, turn) * (n / turn)).astype(np.intp) % n
     power = np.abs(np.fft.rfft(np.bincount(bins, values, n)))[least : most + 1] ** 2
     # On less than a revolution a line is as wide as that is less.
-    width = math.floor(2 * math.pi / max(float(np.ptp(place)), 2 * math.pi / (most + 1)))
+    width = math.floor(turn / max(float(np.ptp(place)), turn / (most + 1)))
     tops = power == ndimage.maximum_filter1d(power, 2 * width + 1)
     peaks = np.flatnonzero(tops & (power > _STANDS_OUT * np.median(power)))
     return [int(k) + least for k in peaks[np.argsort(power[peaks])[::-1][:_MOST]]]

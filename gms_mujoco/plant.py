@@ -20,6 +20,7 @@ from . import effects, native
 from .effect import Effect
 from .errors import ModelError, listing
 from .files import MODELS, write_text
+from .parameter import WAVES, Parameter
 
 if TYPE_CHECKING:
     import mujoco
@@ -139,16 +140,22 @@ class Plant:
 
     def numbers(self) -> dict[str, tuple[float, str]]:
         """Every value with its unit, by its name: "inertia", "effect.parameter" or, of several, with "[i]"."""
-        out = {} if self.inertia is None else {"inertia": (float(self.inertia), "kg m^2")}
+        out = {} if self.inertia is None else {"inertia": (float(self.inertia), self._mass_unit)}
         for e in self.effects:
             for p in e.parameters:
                 values = np.atleast_1d(np.asarray(e.values[p.name], float))
                 labels = [f"[{i}]" for i in range(len(values))] if len(values) > 1 else [""]
                 for label, value in zip(labels, values, strict=True):
-                    out[f"{e.name}.{p.name}{label}"] = (float(value), p.unit)
-        if self.kind == "slide":
-            out = {k: (v, slide_unit(u)) for k, (v, u) in out.items()}
+                    out[f"{e.name}.{p.name}{label}"] = (float(value), self._unit(p))
         return out
+
+    @property
+    def _mass_unit(self) -> str:
+        return "kg m^2" if self.kind == "hinge" else "kg"
+
+    def _unit(self, p: Parameter) -> str:
+        """The unit of a parameter of an effect; a phase is an angle on a slide joint too."""
+        return p.unit if self.kind == "hinge" or p.name == "phase" else slide_unit(p.unit)
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Name, value, 95 % interval and unit of every parameter, as text."""
@@ -230,12 +237,11 @@ class Plant:
 
     def to_toml(self) -> str:
         """The text of `model.toml`, with the unit and meaning of each number as comments."""
-        unit = "kg m^2" if self.kind == "hinge" else "kg"
         lines = ["[axis]"]
         if self.kind != "hinge":
             lines.append(f'kind = "{self.kind}"')
         if self.inertia is not None:
-            lines.append(f"inertia = {self.inertia!r}  # {unit}" + ("" if self.inertia_known else ", identified"))
+            lines.append(f"inertia = {self.inertia!r}  # {self._mass_unit}" + ("" if self.inertia_known else ", identified"))
         if not self.inertia_known:
             lines.append("inertia_known = false")
         for e in self.effects:
@@ -243,7 +249,7 @@ class Plant:
             for p in e.parameters:
                 value = e.values[p.name]
                 text = f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
-                lines.append(f"{p.name} = {text}  # {slide_unit(p.unit) if self.kind == 'slide' else p.unit}, {p.doc}")
+                lines.append(f"{p.name} = {text}  # {self._unit(p)}, {p.doc}")
         if self.uncertainty:
             lines += ["", "[uncertainty]  # 95 % intervals"]
             lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in self.uncertainty.items()]
@@ -325,7 +331,7 @@ def _interval_text(value: float, interval: tuple[float, float] | None) -> str:
 
 def slide_unit(unit: str) -> str:
     """The unit that a slide joint reads for a hinge joint's."""
-    return unit.replace("N m", "N").replace("rad", "m").replace("kg m^2", "kg")
+    return unit.replace("N m", "N").replace("rad", "m").replace("kg m^2", "kg").replace(WAVES, "rad/m")
 
 
 def _only(table: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:

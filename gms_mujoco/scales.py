@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .frf_observation import Seen
+from .parameter import WAVES
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ class Scales:
             "N m/s": t * v / self.position,
             "kg m^2": t / self.acceleration,
             "rad": 1.0,
+            WAVES: 1 / self.position,  # on a slide joint: a radian of phase over the travel
             "rad/s": v,
             "s": self.sample_time,
         }.get(unit, 1.0)

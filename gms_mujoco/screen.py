@@ -48,6 +48,7 @@ _STANDS_OUT = 0.2  # of what the others leave of the squared residual, which one
 _MOST_ORDERS = 4000  # per revolution
 _FEWEST_COUNTS = 6  # of the encoder in a period
 _SLOW = 0.2  # of the time, at least, in which a harmonic must be slow enough for the band
+_LENGTHS, _PERIODS = 8, 3  # of the travel, which waves on a slide joint are a whole number of, and they in the travel
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
 _STEP = 1e-3  # of the typical strength, for the derivative
 
@@ -143,10 +144,11 @@ class Screen:
     @property
     def _goes_round(self) -> bool:
         """Whether a record turns once: on less, harmonics together are any curve over the position."""
-        return max(float(np.ptp(o.position)) for o in self.misfit.observations) >= 2 * math.pi
+        furthest = max(float(np.ptp(o.position)) for o in self.misfit.observations)
+        return self.plant.kind == "hinge" and furthest >= 2 * math.pi
 
     def _finer(self, effect: type[Effect]) -> list[dict[str, float]]:
-        """Harmonics beyond those that are all tried, that stand out of the residual over the place."""
+        """Harmonics that stand out of the residual over the place: on a hinge beyond those that are all tried."""
         runs = [o for o in self.misfit.observations if isinstance(o, Observation)]
         if not grows(effect) or not runs or len(runs) < len(self.misfit.observations):
             return []
@@ -157,8 +159,14 @@ class Screen:
         read = min(2 * math.pi / (_FEWEST_COUNTS * max(count_size(o.record), 1e-300)) for o in runs)
         torque = self.model.residual * (np.sign(speed) if effect.modulates else 1.0)
         known = np.atleast_1d(self.plant[effect.name].values["harmonics"]) if effect.name in self.plant else ()
-        found = standing_out(place, torque, ORDERS + 1, int(min(seen, read, _MOST_ORDERS)))
-        return [{"harmonics": float(n)} for n in found if n not in known]
+        if self.plant.kind == "hinge":
+            found = standing_out(place, torque, ORDERS + 1, int(min(seen, read, _MOST_ORDERS)))
+            return [{"harmonics": float(n)} for n in found if n not in known]
+        length = _LENGTHS * float(np.ptp(place))
+        waves = 2 * math.pi / length
+        most = int(min(seen / waves, read / waves, _MOST_ORDERS))
+        found = standing_out(place, torque, _PERIODS * _LENGTHS, most, length)
+        return [{"harmonics": n * waves} for n in found]
 
     def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
         """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gms_mujoco import effects
 from gms_mujoco.coordinates import Coordinates, all_labels
 from gms_mujoco.effect import Effect, Parameter
-from gms_mujoco.plant import Plant
+from gms_mujoco.plant import JOINT_KINDS, Plant
 
 
 def _value(draw: st.DrawFn, p: Parameter) -> float:
@@ -42,7 +42,7 @@ def some_effect(draw: st.DrawFn, name: str) -> Effect:
 @st.composite
 def some_plant(draw: st.DrawFn, name: str) -> Plant:
     inertia = draw(st.floats(1e-6, 1e2))
-    return Plant(inertia, (draw(some_effect(name)),), "hinge", draw(st.booleans()))
+    return Plant(inertia, (draw(some_effect(name)),), draw(st.sampled_from(JOINT_KINDS)), draw(st.booleans()))
 
 
 every_effect = pytest.mark.parametrize("name", sorted(effects.CATALOGUE))
@@ -147,3 +147,11 @@ def test_intervals_of_shares_follow_from_all_log_ratios() -> None:
     for i in range(3):
         low, high = intervals[f"gms.fraction[{i}]"]
         assert (high - low) / 3.92 == pytest.approx(shares[:, i].std(), rel=0.05)
+
+
+def test_a_fit_moves_how_often_a_wave_comes_back_on_a_slide_joint_only() -> None:
+    waves = effects.Cogging(harmonics=[6.5, 13.0], amplitude=[1.0, 2.0], phase=[0.0, 0.0])
+    on_slide, on_hinge = (Coordinates(Plant.axis(1.0, kind) + waves) for kind in ("slide", "hinge"))
+    assert [k for k in on_slide.labels if k not in on_hinge.labels] == ["cogging.harmonics[0]", "cogging.harmonics[1]"]
+    assert not on_hinge.is_wave_number.any() and on_slide.is_wave_number.sum() == 2
+    assert on_slide.is_linear[on_slide.is_wave_number].all()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gms_mujoco import formats
 from gms_mujoco.dataset import Dataset, load, save
 from gms_mujoco.errors import DataError
+from gms_mujoco.fit import baseline, fit
 from gms_mujoco.record import Record
 
 N = 200
@@ -49,6 +50,12 @@ def test_a_plain_set_is_read_as_it_stands(tmp_path: Path) -> None:
         got = runs.fit[0].time if key == "time" else runs.fit[0].signals[key]
         assert np.array_equal(got, value)
     assert load(tmp_path / "dataset.toml").records[0].name == "run.csv"
+
+
+def test_a_whole_set_in_the_place_of_its_records_is_told_what_to_give(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD)
+    with pytest.raises(DataError, match=r"given as one of its parts: \.fit, \.select, \.validate or \.all$"):
+        fit(baseline(runs.inertia), runs)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,20 @@ def test_a_second_harmonic_is_one_more_element_and_no_new_effect() -> None:
     np.testing.assert_allclose(sorted(d.found[0].amplitude), [0.1 * LEVEL, 0.2 * LEVEL], rtol=0.05)
 
 
+@pytest.mark.parametrize(
+    ("name", "size"), [("cogging", 0.25 * LEVEL), ("position_dependent_friction", 0.3)], ids=["magnets", "screw"]
+)
+def test_waves_on_a_slide_joint_are_found_with_their_pitch(name: str, size: float) -> None:
+    """No number of them is whole there: a fit finds it."""
+    pitch = 0.83
+    hidden = effects.find(name)(harmonics=[2 * math.pi / pitch], amplitude=[size], phase=[0.7])
+    d = diagnose(dataset(replace(HEALTHY, kind="slide") + hidden))
+    assert d.verdict == "explained" and [e.name for e in d] == [name]
+    (low, high), found = d.plant.uncertainty[f"{name}.harmonics"], d.found[0].values
+    assert high - low < 0.01 * low and found["harmonics"][0] == pytest.approx(2 * math.pi / pitch, rel=2e-3)
+    assert found["amplitude"][0] == pytest.approx(size, rel=0.05)
+
+
 def test_a_disturbance_that_is_periodic_in_time_gets_no_name() -> None:
     d = diagnose(_with(dataset(HEALTHY), 0.15 * LEVEL * np.sin(2 * np.pi * 12 * T)), UNKNOWN)
     assert d.verdict == "unexplained" and not d.found and d.steps[-1].validate_error > 1.3 * d.noise_floor

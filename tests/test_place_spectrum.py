@@ -32,6 +32,12 @@ def test_where_the_revolution_begins_does_not_matter(turn: float) -> None:
     assert set(standing_out(place + turn, values, 49, 1000)) == {200, 333}
 
 
+@pytest.mark.parametrize("length", [1.0, 0.37])
+def test_of_any_other_length_too(length: float) -> None:
+    place, values = _series(0, (200, 333))
+    assert set(standing_out(place * length, values, 49, 1000, 2 * np.pi * length)) == {200, 333}
+
+
 def test_nothing_is_looked_for_where_there_is_nothing() -> None:
     assert standing_out(np.empty(0), np.empty(0), 49, 1000) == []
     assert standing_out(*_series(0, (200,)), 49, 49) == []

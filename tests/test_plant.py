@@ -109,6 +109,14 @@ def test_parameters_show_their_interval_and_unit() -> None:
     assert rows == [("inertia", "2", "undetermined", "kg"), ("coulomb.coulomb", "20", "[19, 21]", "N")]
 
 
+def test_waves_on_a_slide_joint_have_a_wave_number_and_their_phase_is_an_angle() -> None:
+    waves = effects.Cogging(harmonics=[196.3], amplitude=[4.0], phase=[0.1])
+    units = {k: unit for k, (_, unit) in (Plant.axis(2.0, "slide") + waves).numbers().items()}
+    assert units == {"inertia": "kg", "cogging.harmonics": "rad/m", "cogging.amplitude": "N", "cogging.phase": "rad"}
+    assert "# rad/m, " in (Plant.axis(2.0, "slide") + waves).to_toml()
+    assert (Plant.axis(2.0) + waves).numbers()["cogging.harmonics"][1] == "1/rev"
+
+
 def test_printed_it_is_a_table_and_no_covariance() -> None:
     told = replace(PLANT, uncertainty={"gms.coulomb": (4e-3, 5e-3)}, covariance={"gms.coulomb": (1e-8,)})
     lines = str(told).splitlines()

@@ -20,12 +20,13 @@ const gms::Effect gms_effect_position_dependent_friction = {
     "PositionDependentFriction",
     "friction",
     "Friction that varies along the revolution: the level of every friction law of the joint is multiplied by\n"
-    "1 + sum_i a_i sin(n_i q + phi_i), n_i whole numbers per revolution: a bent shaft, an eccentric gear, a seal.\n"
+    "1 + sum_i a_i sin(n_i q + phi_i), n_i whole numbers per revolution: a bent shaft, an eccentric gear, a seal; on\n"
+    "a slide joint a wave number, 2 pi over the pitch of a screw or rail, which a fit finds.\n"
     "The stiffness of `gms` follows its level, or with s = 0 stays.\n"
     "Source: position-dependent friction terms, Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994).",
     "The torque error is a sine of position that changes sign with the direction of motion.",
-    "Slow constant-velocity runs over a whole revolution in both directions.",
-    {{"harmonics", "1/rev", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution"},
+    "Slow constant-velocity runs over a whole revolution (on a slide joint, several pitches) in both directions.",
+    {{"harmonics", "1/rev", gms::kUnset, 1, gms::kInfinity, true, false, "n_i, periods per revolution; on a slide waves"},
      {"amplitude", "1", 0, 0, 1, true, true, "a_i, relative to the level"},
      {"phase", "rad", 0, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness varies with the level; 0: the level alone"}},
