@@ -241,7 +241,8 @@ class Plant:
         if self.kind != "hinge":
             lines.append(f'kind = "{self.kind}"')
         if self.inertia is not None:
-            lines.append(f"inertia = {self.inertia!r}  # {self._mass_unit}" + ("" if self.inertia_known else ", identified"))
+            found = "" if self.inertia_known else ", identified"
+            lines.append(f"inertia = {self.inertia!r}  # {self._mass_unit}{found}")
         if not self.inertia_known:
             lines.append("inertia_known = false")
         for e in self.effects:

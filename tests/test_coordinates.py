@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gms_mujoco import effects
 from gms_mujoco.coordinates import Coordinates, all_labels
 from gms_mujoco.effect import Effect, Parameter
+from gms_mujoco.parameter import WAVES
 from gms_mujoco.plant import JOINT_KINDS, Plant
 
 
@@ -80,7 +81,7 @@ def test_wherever_an_optimiser_goes_the_plant_is_allowed(name: str, data: st.Dat
                 assert sum(e.values[p.name]) == pytest.approx(1, abs=1e-9)
             if p.at_least:
                 assert np.all(np.asarray(e.values[p.name]) >= np.asarray(e.values[p.at_least]))
-            if not p.free:
+            if not p.free and not (p.unit == WAVES and there.kind == "slide"):
                 assert e.values[p.name] == plant[e.name].values[p.name]
 
 
