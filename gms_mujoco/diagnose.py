@@ -32,6 +32,7 @@ from .threads import one_blas_thread
 from .undetermined import never_slips
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
+_CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
@@ -283,7 +284,7 @@ def _conclude(
 ) -> Diagnosis:
     last = steps[-1].result
     holds = _holds([s.comparison for s in steps if s.comparison is not None])
-    at_floor = search.at_floor and holds
+    at_floor = (search.at_floor or _as_good(steps[-1])) and holds
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
@@ -339,6 +340,18 @@ def _with_shapes(
         scored.append(Rejected(name, p, error))
         notes.append(f"{name}: takes {100 * gain:.0f} % of the squared error (p = {p:.1g} on held-out blocks)")
     return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
+
+
+def _as_good(step: Step) -> bool:
+    """Whether hardly more is left than noise leaves, of all that was fitted and of all that was not.
+
+    The search looks closer: at what the motion determines, of which a coarse encoder may leave little, and known worse
+    than the noise.
+    """
+    ends = [(step.result.error, step.result.floor)]
+    if step.comparison is not None:
+        ends.append((step.comparison.error, step.comparison.noise_floor))
+    return all(error <= _CLOSE * floor for error, floor in ends)
 
 
 def _holds(comparisons: Sequence[Comparison]) -> bool:

@@ -4,6 +4,8 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +15,12 @@ from hypothesis import strategies as st
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset, load
-from gms_mujoco.diagnose import Diagnosis, Rejected, _to_isolate, diagnose
+from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diagnose
 from gms_mujoco.errors import DataError
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.search import FORMS
+from gms_mujoco.search import FORMS, Step
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 
@@ -120,6 +122,17 @@ def test_what_came_closest_is_told_only_where_it_came_closer_than_chance(p_value
         assert f"{closest} came closest" in said
     else:
         assert "came closest" not in said and "Measure slow.csv" in said
+
+
+@pytest.mark.parametrize(
+    ("fitted", "new", "good"), [(1.18, 1.1, True), (1.3, 1.1, False), (1.1, 1.3, False), (1.18, None, True)]
+)
+def test_what_is_left_is_noise_where_all_of_it_hardly_exceeds_the_floor(
+    fitted: float, new: float | None, good: bool
+) -> None:
+    result: Any = SimpleNamespace(error=0.1 * fitted, floor=0.1)
+    comparison: Any = None if new is None else SimpleNamespace(error=0.2 * new, noise_floor=0.2)
+    assert _as_good(Step(None, result, comparison)) == good
 
 
 def test_one_impact_gets_no_name() -> None:
