@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from .frf_observation import FrfObservation
-from .inverse import Observation
+from .inverse import Observation, mean_torque
 from .misfit import Misfit
 from .place_spectrum import wave
 from .servo_observation import ServoObservation, errors_of
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 _NOTABLE = 0.25  # of the squared residual
 _DENSER = 3  # odds of the squared residual over odds of the time
 _CROWDED = 1.5  # the same for runs of a servo, whose errors stay
+_FAST = np.array([-0.5, 1.0, -0.5])  # what neighbours do not tell
+_FOLLOWS, _MOSTLY = 0.2, 0.4  # of the torque; of the square
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
@@ -88,7 +90,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
             said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
     if blind > _NOTABLE:
         said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
-    said += _course(runs, total)
+    said += _course(runs, total) + _hiss(runs)
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
@@ -159,6 +161,27 @@ def _course(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str
     elif thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
         said.append("fading with time")
     return said
+
+
+def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
+    """That the residual follows the torque at once where that changes fast, while the axis slides.
+
+    A delay or a lag leaves what runs ahead of the torque, a swinging part what has its own frequency.
+    """
+    torque: list[Array] = []
+    left: list[Array] = []
+    for o, r in runs:
+        here = o.slides[1:-1]
+        for series, out in ((o.band(mean_torque(o.record)), torque), (r, left)):
+            out.append(np.convolve(series, _FAST, "valid")[here])
+    u, r = np.concatenate(torque), np.concatenate(left)
+    both, own, other = float(u @ r), float(u @ u), float(r @ r)
+    if both <= _FOLLOWS * own or both**2 < _MOSTLY * own * other:
+        return []
+    return [
+        f"{100 * both / own:.0f} % of what the torque reads at the upper end of the band, which does not move the "
+        "axis: noise of the reading, or torque between the rows of a log that is slower than its controller"
+    ]
 
 
 def _explained(x: Array, residual: Array, bins: int = 40) -> float:

@@ -56,6 +56,14 @@ def test_one_instant_is_said_with_its_time_and_record(records: list[Record]) -> 
     assert "periodic" not in said
 
 
+def test_a_torque_that_the_axis_does_not_follow_is_said_and_no_delay_is(records: list[Record]) -> None:
+    """A log that is slower than its controller shows every tenth of the torques by which that answers its encoder."""
+    hiss = 2 * LEVEL * np.random.default_rng(0).standard_normal(len(T))
+    assert "of what the torque reads" in _of(HEALTHY, _with(records, hiss))
+    late = runs(HEALTHY + effects.Delay(time=2 * SAMPLE_TIME))
+    assert "of what the torque reads" not in _of(HEALTHY, late)
+
+
 def test_a_place_on_the_revolution_is_said(records: list[Record]) -> None:
     cogging = effects.Cogging(harmonics=[2], amplitude=[0.2 * LEVEL], phase=[0.4])
     said = _of(HEALTHY, runs(HEALTHY + cogging))
