@@ -314,7 +314,7 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     x = approach(misfit, misfit.settle(x), max_steps, below=below)
     # A residual with slips in it has steps of its own, at which derivatives over short ones lead a search to a halt.
     wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
-    return solve(wide, x, max_steps, below=below)
+    return solve(wide.sloped_coarsely(), x, max_steps, below=below)
 
 
 def finished(found: FitResult) -> FitResult:
@@ -324,8 +324,10 @@ def finished(found: FitResult) -> FitResult:
 
 def _finished(misfit: Misfit, x: Array) -> FitResult:
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
-        for _ in range(2):
-            x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, _SHARP / len(misfit.residual(x)))
+        sharp = _SHARP / len(misfit.residual(x))
+        for last in (False, True):
+            near = misfit.on_grids(x, _FINER)
+            x = solve(near if last else near.sloped_coarsely(), x, _LAST_STEPS, sharp)
         x = _agreed(misfit, x, _LAST_STEPS)
     return with_covariance(_result(misfit, x))
 
