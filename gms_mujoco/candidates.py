@@ -68,7 +68,9 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
     """The effects of the catalogue that could be added to a plant.
 
     Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
-    none that comes once in a revolution; and from frequency responses alone none that they cannot show.
+    none that comes once in a revolution, and waves over the place only where two records hold them to it, for zero is
+    often set anew (both of EMPS have a ripple every 2.50 mm, the phases 0.7 mm apart); and from frequency responses
+    alone none that they cannot show.
     """
     if any(isinstance(o, ServoObservation) for o in observations):
         return _on_servos(plant)
@@ -79,7 +81,8 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
         contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
     out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
     out = [e for e in out if e.kind != "controller"]  # a record of torque says nothing about one
-    return [e for e in out if plant.kind == "hinge" or grows(e) or not has_phase(e)]
+    waves = sum(isinstance(o, Observation) for o in observations) > 1
+    return [e for e in out if plant.kind == "hinge" or not has_phase(e) or (waves and grows(e))]
 
 
 def joined(plant: Plant, effect: Effect) -> Plant:

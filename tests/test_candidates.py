@@ -1,8 +1,10 @@
 """Candidates: what a plant does not have yet, at values that the effect accepts and the motion can show."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 
 from gms_mujoco import effects
@@ -83,3 +85,12 @@ def test_an_effect_sheds_the_harmonics_that_are_nothing() -> None:
     assert lean(cogging) == effects.Cogging(harmonics=[3, 5], amplitude=[0.2, 1e-4], phase=[0.1, 0.2])
     for whole in (lean(cogging), cogging.replace(amplitude=[0, 0, 0]), effects.Gravity(amplitude=0.0, phase=0.1)):
         assert lean(whole) == whole
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_waves_on_a_slide_joint_need_two_records_that_hold_them_to_the_place(count: int) -> None:
+    """The zero of one may be anywhere: what fits it need not come back at the same place."""
+    slide = replace(HEALTHY, kind="slide")
+    names = {e.name for e in applicable(slide, observe(runs(slide)[:count], J))}
+    assert ({"cogging", "position_dependent_friction"} <= names) == (count == 2)
+    assert not {"gravity", "encoder_eccentricity"} & names
