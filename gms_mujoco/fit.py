@@ -314,7 +314,7 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     x = approach(misfit, misfit.settle(x), max_steps, below=below)
     # A residual with slips in it has steps of its own, at which derivatives over short ones lead a search to a halt.
     wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
-    return solve(wide.sloped_coarsely(), x, max_steps, below=below)
+    return solve(wide, x, max_steps, below=below)
 
 
 def finished(found: FitResult) -> FitResult:

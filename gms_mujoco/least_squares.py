@@ -86,7 +86,7 @@ def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:
     """A few steps of the parameters alone, most by a coarse look: enough to see how good a fit will be."""
     common, x = np.arange(misfit.n_common), misfit.settle(x)
     near = approach(misfit, x, max_steps, 3e-3, common)
-    return solve(misfit.sloped_coarsely(), near, max_steps if near is x else max_steps // 3, 3e-3, common)
+    return solve(misfit, near, max_steps if near is x else max_steps // 3, 3e-3, common)
 
 
 def approach(

@@ -216,8 +216,8 @@ class Misfit:
         return out
 
     def sloped_coarsely(self) -> Misfit:
-        """The same problem with derivatives by a coarse look, at a third of the price: they say where to go, and the
-        residual says how far."""
+        """The same problem with derivatives by a coarse look, at half the price: they say where to go, and the residual
+        says how far."""
         out = copy(self)
         out.slope_grids = [o.sparse for _, o in self.pieces]
         return out
