@@ -324,10 +324,8 @@ def finished(found: FitResult) -> FitResult:
 
 def _finished(misfit: Misfit, x: Array) -> FitResult:
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
-        sharp = _SHARP / len(misfit.residual(x))
-        for last in (False, True):
-            near = misfit.on_grids(x, _FINER)
-            x = solve(near if last else near.sloped_coarsely(), x, _LAST_STEPS, sharp)
+        for _ in range(2):
+            x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, _SHARP / len(misfit.residual(x)))
         x = _agreed(misfit, x, _LAST_STEPS)
     return with_covariance(_result(misfit, x))
 

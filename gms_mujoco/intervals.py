@@ -41,7 +41,7 @@ def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
     residual = misfit.residual(x)
     # A state that the data hardly see is as unsure as it was before them.
     prior = np.diag(misfit.prior * float(np.mean(residual**2)))
-    rough = misfit.sloped_coarsely().jacobian(x)
+    rough = misfit.jacobian(x)
     deviation = np.sqrt(np.sum(_root_of_inverse(gram(rough, rough) + prior) ** 2, 1) * np.mean(residual**2))
     jacobian = misfit.with_steps(x, deviation).jacobian(x)
     root = _root_of_inverse(gram(jacobian, jacobian) + prior)

@@ -215,13 +215,6 @@ class Misfit:
         out._looked, out._before = (np.empty(0), []), {}
         return out
 
-    def sloped_coarsely(self) -> Misfit:
-        """The same problem with derivatives by a coarse look, at half the price: they say where to go, and the residual
-        says how far."""
-        out = copy(self)
-        out.slope_grids = [o.sparse for _, o in self.pieces]
-        return out
-
     def on_grids(self, x: Array, finer: float) -> Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
 

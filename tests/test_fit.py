@@ -12,7 +12,6 @@ from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import FitResult, baseline, finished, fit, refine
-from gms_mujoco.grid import Sparse
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
 from gms_mujoco.least_squares import approach, solve
@@ -284,28 +283,6 @@ def test_a_coarse_look_leads_near_and_not_away(fitted: FitResult) -> None:
     far = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-4)))
     assert misfit.cost(approach(misfit, far, 20)) < 0.01 * misfit.cost(far)
     np.testing.assert_array_equal(approach(misfit, fitted.vector, 20), fitted.vector)  # its error is more than is left
-
-
-def test_a_fit_is_finished_by_a_coarse_look_first_and_then_by_an_exact_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of derivatives alone, which lead to where exact ones do: what is left is always looked at in full."""
-    misfit = Misfit(HEALTHY, observe(runs(HEALTHY), J, 60.0))
-    far = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
-    coarse = misfit.sloped_coarsely()
-    np.testing.assert_array_equal(coarse.residual(far), misfit.residual(far))
-    assert coarse.cost(solve(coarse, far)) == pytest.approx(misfit.cost(solve(misfit, far)), rel=0.02)
-
-    looks: list[bool] = []
-    changes = Observation.changes
-
-    def seen(o: Observation, plant: Plant, joints: object, memories: object, grid: object, *rest: int) -> object:
-        looks.append(isinstance(grid, Sparse))
-        return changes(o, plant, joints, memories, grid, *rest)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Observation, "changes", seen)
-    near = refine(misfit, far)
-    looks.clear()
-    finished(near)
-    assert looks[0] and not looks[-1]
 
 
 def test_a_fit_is_finished_with_its_intervals() -> None:
