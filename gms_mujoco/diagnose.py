@@ -176,7 +176,7 @@ def diagnose(
     select records where there are some), significantly after control of the false discovery rate over the whole
     catalogue. The validate records are scored once, after the choice.
 
-    The default baseline has `gms` friction. Where that does not reach the noise floor, `lugre` in its place is fitted
+    The default baseline has `gms` friction. Where that leaves more than noise does, `lugre` in its place is fitted
     too, before effects are looked for and beside those that were found, and takes it where it passes the same tests
     and leaves less than any effect would; of frequency responses alone the whole search is made with either law, and
     `lugre` taken where it leaves much less in the end. A law of your own `plant` stays: what another would do is told

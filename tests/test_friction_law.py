@@ -107,6 +107,21 @@ def test_at_the_noise_floor_no_other_law_is_tried(monkeypatch: pytest.MonkeyPatc
     assert diagnose(dataset(HEALTHY, SECONDS)).verdict == "adequate"
 
 
+@pytest.mark.parametrize(("floor", "tried"), [(0.6, True), (0.9, False)], ids=["room", "no room"])
+def test_within_the_tolerance_of_the_floor_another_law_is_taken_where_noise_leaves_room(
+    monkeypatch: pytest.MonkeyPatch, floor: float, tried: bool
+) -> None:
+    """Behind a coarse encoder a wrong law may leave hardly more than noise, and fail on records that are new."""
+    search = Search(observe(runs(BRISTLE, seconds=SECONDS), J), [], replace(UNKNOWN, inertia=J))
+    search.first(lambda done, message: None)
+    noise = floor * search.held_out.total
+    for where in ("judgement", "friction_law"):
+        monkeypatch.setattr(f"gms_mujoco.{where}.floor_of", lambda *given: noise)
+    assert search.at_floor
+    better = FrictionLaw(search, free=True).better()
+    assert (better is not None and better.law.name == "lugre" and better.clear) == tried
+
+
 def test_the_law_of_a_plant_that_is_given_stays_and_the_better_one_is_told() -> None:
     d = diagnose(dataset(BRISTLE, SECONDS), UNKNOWN)
     assert "gms" in d.plant and "described by lugre in the place of gms" in d.remainder
