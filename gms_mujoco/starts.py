@@ -75,13 +75,23 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
         "coulomb": level, "static": 1.05 * level, "attraction": 0.1 * level / scales["s"],
     }  # fmt: skip
-    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
-    for factor in _STRIBECK_VELOCITIES if "stribeck_velocity" in law.unset else (1.0,):
-        started = _with(law, **found, stribeck_velocity=min(factor * scales["rad/s"], fastest))
+    for velocity in _weakenings(observations, scales) if "stribeck_velocity" in law.unset else (1.0,):
+        started = _with(law, **found, stribeck_velocity=velocity)
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out
+
+
+def _weakenings(observations: Sequence[Seen], scales: Scales) -> list[float]:
+    """Velocities at which friction may weaken, apart enough that one is near [rad/s]: slow for the slowest record,
+    however much faster others are, at which nothing would be left of a weakening to lead a fit back."""
+    slow, medium, fast = _STRIBECK_VELOCITIES
+    usual = scales["rad/s"]
+    speeds = [float(np.sqrt(np.mean(o.velocity**2))) for o in observations if isinstance(o, Observation)]
+    slowest = min(filter(None, speeds), default=usual)
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
+    return [min(v, fastest) for v in (min(slow * usual, medium * slowest), medium * usual, fast * usual)]
 
 
 def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:
@@ -97,9 +107,11 @@ def _distances(observations: Sequence[Seen]) -> Array:
     grids = []
     records = [o for o in observations if isinstance(o, Observation)]
     if records:
-        span = max(float(np.ptp(o.position)) for o in records)
-        finest = 3 * min(o.record.resolution or 0.0 for o in records)
-        grids.append(np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), _WIDEST * span, _GRID))
+        spans = [float(np.ptp(o.position)) for o in records]
+        span, read = max(spans), 3 * min(o.record.resolution or 0.0 for o in records)
+        finest = min(max(read, 1e-5 * span), 1e-3 * span, max(read, 1e-4 * (min(spans) or span)))
+        count = _GRID * max(math.log(_WIDEST * span / finest) / math.log(_WIDEST / 1e-5), 1)
+        grids.append(np.geomspace(finest, _WIDEST * span, round(count)))
     sizes = [o.size for o in observations if isinstance(o, FrfObservation)]
     if sizes:
         size = np.concatenate(sizes)
