@@ -205,7 +205,7 @@ class Coordinates:
 
 
 def _is_wave_number(p: Parameter, kind: str) -> bool:
-    """Whether a parameter is one that a fit moves: what comes back in a revolution does so a whole number of times."""
+    """Whether a fit moves how often something comes back; in a revolution that is a whole number of times, given."""
     return kind == "slide" and p.unit == WAVES
 
 

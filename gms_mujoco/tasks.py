@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import effects
 from .errors import ModelError, listing
+from .parameter import WAVES
 from .plant import Plant
 from .sampling import sample
 
@@ -175,7 +176,7 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
     """The same plant with another friction.
 
     With a number, levels [N m] of all friction effects take one factor, pre-sliding stiffnesses [N m/rad] another,
-    every other parameter with a unit its own; shares and exponents stay. A factor is log-uniform in
+    every other parameter with a unit its own; shares, exponents and harmonics stay. A factor is log-uniform in
     [1/spread, spread]; of held-out friction it lies outside: in [spread, spread^2] or [1/spread^2, 1/spread].
 
     With "uncertainty", friction is drawn from what the data of a fit allow, see `sample`; held-out friction lies
@@ -205,7 +206,7 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
     for e in plant.effects:
         changed = {}
         for p in e.parameters if e.kind == "friction" else ():
-            if p.unit != "1":
+            if p.unit not in ("1", WAVES):
                 f = common[p.unit] if p.unit in common else factor()
                 changed[p.name] = np.clip(np.asarray(e.values[p.name]) * f, p.lower, p.upper)
         built.append(e.replace(**changed) if changed and spread != 1 else e)

@@ -200,6 +200,12 @@ def test_spread_of_one_keeps_the_friction():
     assert scatter(plant, np.random.default_rng(0), 1.2) != plant
 
 
+def test_other_friction_comes_back_as_often_in_a_revolution():
+    varies = gms.effects.PositionDependentFriction(harmonics=[1, 3], amplitude=[0.1, 0.2], phase=[0.3, 0.4])
+    drawn = scatter(Plant.load(MODELS / "servo_axis.toml") + varies, np.random.default_rng(0), 1.5)
+    assert drawn["position_dependent_friction"].values["harmonics"] == (1, 3)
+
+
 @pytest.mark.parametrize("task", list(TASKS))
 def test_references_are_smooth_start_at_rest_and_stay_in_their_range(task):
     plant = Plant.load(MODELS / "servo_axis.toml")
