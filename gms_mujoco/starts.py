@@ -84,14 +84,15 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
 
 
 def _weakenings(observations: Sequence[Seen], scales: Scales) -> list[float]:
-    """Velocities at which friction may weaken, apart enough that one is near [rad/s]: slow for the slowest record,
-    however much faster others are, at which nothing would be left of a weakening to lead a fit back."""
-    slow, medium, fast = _STRIBECK_VELOCITIES
-    usual = scales["rad/s"]
+    """Velocities at which friction may weaken, apart enough that one is near [rad/s].
+
+    One more where all are fast for the slowest record: nothing would be left of a weakening to lead a fit back to it.
+    """
+    usual = [factor * scales["rad/s"] for factor in _STRIBECK_VELOCITIES]
     speeds = [float(np.sqrt(np.mean(o.velocity**2))) for o in observations if isinstance(o, Observation)]
-    slowest = min(filter(None, speeds), default=usual)
+    slowest = _STRIBECK_VELOCITIES[1] * min(filter(None, speeds), default=math.inf)
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
-    return [min(v, fastest) for v in (min(slow * usual, medium * slowest), medium * usual, fast * usual)]
+    return [*([slowest] if _STRIBECK_VELOCITIES[1] * usual[0] > slowest else []), *(min(v, fastest) for v in usual)]
 
 
 def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:
@@ -107,11 +108,9 @@ def _distances(observations: Sequence[Seen]) -> Array:
     grids = []
     records = [o for o in observations if isinstance(o, Observation)]
     if records:
-        spans = [float(np.ptp(o.position)) for o in records]
-        span, read = max(spans), 3 * min(o.record.resolution or 0.0 for o in records)
-        finest = min(max(read, 1e-5 * span), 1e-3 * span, max(read, 1e-4 * (min(spans) or span)))
-        count = _GRID * max(math.log(_WIDEST * span / finest) / math.log(_WIDEST / 1e-5), 1)
-        grids.append(np.geomspace(finest, _WIDEST * span, round(count)))
+        span = max(float(np.ptp(o.position)) for o in records)
+        finest = 3 * min(o.record.resolution or 0.0 for o in records)
+        grids.append(np.geomspace(min(max(finest, 1e-5 * span), 1e-3 * span), _WIDEST * span, _GRID))
     sizes = [o.size for o in observations if isinstance(o, FrfObservation)]
     if sizes:
         size = np.concatenate(sizes)
