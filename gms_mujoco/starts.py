@@ -75,24 +75,13 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
         "coulomb": level, "static": 1.05 * level, "attraction": 0.1 * level / scales["s"],
     }  # fmt: skip
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
-    for velocity in _weakenings(observations, scales) if "stribeck_velocity" in law.unset else (1.0,):
-        started = _with(law, **found, stribeck_velocity=velocity)
+    for factor in _STRIBECK_VELOCITIES if "stribeck_velocity" in law.unset else (1.0,):
+        started = _with(law, **found, stribeck_velocity=min(factor * scales["rad/s"], fastest))
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out
-
-
-def _weakenings(observations: Sequence[Seen], scales: Scales) -> list[float]:
-    """Velocities at which friction may weaken, apart enough that one is near [rad/s].
-
-    One more where all are fast for the slowest record: nothing would be left of a weakening to lead a fit back to it.
-    """
-    usual = [factor * scales["rad/s"] for factor in _STRIBECK_VELOCITIES]
-    speeds = [float(np.sqrt(np.mean(o.velocity**2))) for o in observations if isinstance(o, Observation)]
-    slowest = _STRIBECK_VELOCITIES[1] * min(filter(None, speeds), default=math.inf)
-    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
-    return [*([slowest] if _STRIBECK_VELOCITIES[1] * usual[0] > slowest else []), *(min(v, fastest) for v in usual)]
 
 
 def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:

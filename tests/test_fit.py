@@ -69,14 +69,6 @@ def test_a_slide_joint_is_the_same_in_other_units(fitted: FitResult) -> None:
     assert found.numbers()["viscous.coefficient"][1] == "N s/m"
 
 
-def test_a_record_that_is_thousands_of_times_faster_hides_no_weakening_of_friction() -> None:
-    """Beside it nothing slower than a hundred rad/s was looked at, and the level weakened at the highest speed."""
-    torque = multisine(6000, SAMPLE_TIME, 0.3, 3.0, 40 * LEVEL, np.random.default_rng(5))
-    found = fit(baseline(), [*runs(HEALTHY)[:2], run(HEALTHY, torque, 7)])
-    assert found.error < 1.2 * found.floor
-    assert found.plant["gms"].values["stribeck_velocity"] == pytest.approx(0.5, rel=0.05)
-
-
 def test_every_free_parameter_has_an_interval_around_it(fitted: FitResult) -> None:
     plant = fitted.plant
     free = {f"{e.name}.{p.name}" for e in plant.effects for p in e.parameters if p.free}
