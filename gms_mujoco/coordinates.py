@@ -7,6 +7,7 @@ to 1 move as log-ratios to the last share.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
@@ -101,7 +102,9 @@ class Coordinates:
         self.template = template
         blocks = [] if template.inertia_known else [_Block("", _INERTIA, 1)]
         for e in template.effects:
-            chosen = [p for p in e.parameters if p.free or not free_only or _is_wave_number(p, template.kind)]
+            # What comes back in a revolution does so a whole number of times, which no fit moves; a pitch may be any.
+            moves = [p.free or not free_only or (template.kind == "slide" and p.unit == WAVES) for p in e.parameters]
+            chosen = itertools.compress(e.parameters, moves)
             blocks += [_Block(e.name, p, e.elements if p.per_element else 1) for p in chosen]
         self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]
         self.size = sum(b.size for b in self.blocks)
@@ -202,11 +205,6 @@ class Coordinates:
                     lower, upper = lower + self._bound(b, values), upper + self._bound(b, values)
             out |= {n: (float(lo), float(hi)) for n, lo, hi in zip(b.labels, lower, upper, strict=True)}
         return out
-
-
-def _is_wave_number(p: Parameter, kind: str) -> bool:
-    """Whether a fit moves how often something comes back; in a revolution that is a whole number of times, given."""
-    return kind == "slide" and p.unit == WAVES
 
 
 def all_labels(plant: Plant) -> list[str]:

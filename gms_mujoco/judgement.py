@@ -139,13 +139,13 @@ def is_worth_it(
     """
     if takes_of_sliding(now, before, result, after):
         return True
-    own, left = left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
-    if not at_floor(now, before):
-        floor = min(floor_of(now), floor_of(result))
-        return takes(before.total, after.total, floor, share) and takes(own, left, floor, share)
-    if not (takes(before.total, after.total, 0.0, share) and takes(own, left, 0.0, share)):
+    quiet = at_floor(now, before)
+    floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
+    if not takes(before.total, after.total, floor, share):
         return False
-    return takes(before.total, after.total + _quieter(now, result), 0.0, share)
+    if not takes(left_of(now.misfit, now.vector), left_of(result.misfit, result.vector), floor, share):
+        return False
+    return not quiet or takes(before.total, after.total + _quieter(now, result), 0.0, share)
 
 
 def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 WAVES = "1/rev"  # unit of a harmonic: a whole number of periods per revolution; on a slide joint rad/m, any wave number
 
+
 @dataclass(frozen=True)
 class Parameter:
     """Declaration of one parameter.

@@ -159,14 +159,13 @@ class Screen:
         read = min(2 * math.pi / (_FEWEST_COUNTS * max(count_size(o.record), 1e-300)) for o in runs)
         torque = self.model.residual * (np.sign(speed) if effect.modulates else 1.0)
         known = np.atleast_1d(self.plant[effect.name].values["harmonics"]) if effect.name in self.plant else ()
-        if self.plant.kind == "hinge":
-            found = standing_out(place, torque, ORDERS + 1, int(min(seen, read, _MOST_ORDERS)))
-            return [{"harmonics": float(n)} for n in found if n not in known]
-        length = _LENGTHS * float(np.ptp(place))
-        waves = 2 * math.pi / length
-        most = int(min(seen / waves, read / waves, _MOST_ORDERS))
-        found = standing_out(place, torque, _PERIODS * _LENGTHS, most, length)
-        return [{"harmonics": n * waves} for n in found]
+        least, turn = ORDERS + 1, 2 * math.pi
+        if self.plant.kind == "slide":
+            least, turn = _PERIODS * _LENGTHS, _LENGTHS * float(np.ptp(place))
+        once = 2 * math.pi / turn  # as a wave number; 1 in a revolution
+        most = int(min(seen / once, read / once, _MOST_ORDERS))
+        found = [n * once for n in standing_out(place, torque, least, most, turn)]
+        return [{"harmonics": n} for n in found if n not in known]
 
     def _series(self, best: _Best, effect: type[Effect]) -> tuple[float, Effect, Array]:
         """The harmonics that stand out, together, if most of what is missing is theirs; else the best one.
