@@ -13,10 +13,10 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from . import columns, files, formats, frf_table, plausible, servo_run, timing
+from . import columns, files, formats, frf_files, frf_table, plausible, servo_run, timing
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
-from .frf import FRF, INPUTS, response_unit
+from .frf import FRF
 from .inverse import common_step
 from .measured_axis import Axis, joint_names
 from .record import USES, Record, told_uses
@@ -25,12 +25,8 @@ from .servo_run import CONTROLLERS, ServoRun
 Array = NDArray[np.float64]
 
 FILE = "dataset.toml"
-_FEWEST_POINTS = 5  # of a response that validates
 _FIT_SHARE = 0.6  # of a single record, in time
-_KEYS = {
-    "record": ("file", "use", "joint", "episode", "rate", "span", "columns", "units", "scale"),
-    "frf": ("file", "input", "output", "amplitude", "use", "columns", "units", "scale"),
-}
+_KEYS = ("file", "use", "joint", "episode", "rate", "span", "sensed", "columns", "units", "scale")
 
 
 @dataclass(frozen=True)
@@ -133,7 +129,8 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             return _servo_set(table, file.parent, joint)
         axis = Axis(subtable(table, "axis"), file.parent, joint)
         entries = [e for i, e in enumerate(tables(table, "record"), 1) if axis.has(e, f"record {i}")]
-        frfs = tuple(_frf(i, e, file.parent, axis) for i, e in enumerate(tables(table, "frf"), 1))
+        responses = tables(table, "frf")
+        frfs = tuple(f for i, e in enumerate(responses, 1) for f in frf_files.read(f"frf {i}", e, file.parent, axis))
         if not entries and not frfs:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
@@ -156,8 +153,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
         if frfs:
-            given = any(e.get("use") for e in tables(table, "frf"))
-            frfs, said = (frfs, "as given") if given else _split_frfs(frfs)
+            frfs, said = (frfs, "as given") if any(e.get("use") for e in responses) else frf_files.split(frfs)
             counts = ", ".join(f"{n} to {use}" for use in USES if (n := sum(f.use == use for f in frfs)))
             split = "; ".join(filter(None, (split, f"frequency responses: {len(frfs)}, {counts} ({said})")))
     except DataError as error:
@@ -223,6 +219,8 @@ def save(
         formats.write(folder / name, signals)
         lines += ["", "[[record]]", f"file = {json.dumps(name)}", f'use = "{r.use}"']
         lines += [f"{key} = {value!r}" for key, value in header.items()]
+        if isinstance(r, Record) and r.sensed:
+            lines.append("sensed = true")
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 
@@ -230,7 +228,7 @@ def _record(
     key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
 ) -> tuple[Record, dict[str, Array], list[str]]:
     """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each."""
-    name, use = columns.file_and_use(entry, _KEYS["record"], key)
+    name, use = columns.file_and_use(entry, _KEYS, key)
     if not os.path.isfile(folder / name):
         raise DataError(f"{key}: no such file: {name}")
     table = formats.read(folder / name)
@@ -261,8 +259,11 @@ def _record(
                 other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
                 kind, axis.resolution(other, kind),
             )  # fmt: skip
-        sensed = "current" in signals
-        if sensed:
+        sensed = entry.get("sensed")
+        if sensed not in (None, True, False):
+            raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
+        by_current = "current" in signals
+        if by_current:
             if axis.torque_constant is None:
                 raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
                                 'or torque_constant = "unknown" to stay in A')
@@ -275,11 +276,12 @@ def _record(
         ends, note = plausible.trimmed(signals)
         table, notes = table.rows(ends), [read, note]
         columns.check(table, signals)
-        for key in [k for k in signals if k.startswith("position")]:
-            if axis.joint.kind_of(key.removeprefix("position of ")) == "hinge":
-                signals[key], note = plausible.unwrapped(signals[key], key)
+        for what in [k for k in signals if k.startswith("position")]:
+            if axis.joint.kind_of(what.removeprefix("position of ")) == "hinge":
+                signals[what], note = plausible.unwrapped(signals[what], what)
                 notes.append(note)
-        sensed = sensed and timing.by_another_clock(signals["time"])
+        if sensed is None:
+            sensed = by_current and timing.by_another_clock(signals["time"])
         # Interpolated positions would not show it any more.
         count = axis.joint.resolution or common_step(signals["position"]) or None
         time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
@@ -317,55 +319,6 @@ def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:
         records = [replace(r, use="validate" if i % every == every - 1 else "fit") for i, r in enumerate(records)]
         given = f"no use was given: every {'third' if every == 3 else 'second'} record validates, the others fit"
     return records, told_uses([r.use for r in records], given)
-
-
-def _split_frfs(frfs: tuple[FRF, ...]) -> tuple[tuple[FRF, ...], str]:
-    """Responses with their use, and the sentence that tells it.
-
-    Of levels of excitation the inner ones can validate: what lies beyond the outer ones is not in the others.
-    """
-    levels = [f.amplitude is not None and len(f) >= _FEWEST_POINTS for f in frfs]
-    if len(frfs) < 3 or not all(levels):
-        return frfs, "no use was given, so all fit"
-    order = sorted(range(len(frfs)), key=lambda i: float(np.median(frfs[i].amplitude)))  # type: ignore[arg-type]
-    chosen = set(order[1:-1:3])
-    said = "no use was given: of the levels between the smallest and the largest every third validates, the others fit"
-    return tuple(replace(f, use="validate") if i in chosen else f for i, f in enumerate(frfs)), said
-
-
-def _frf(i: int, entry: Mapping[str, Any], folder: Path, axis: Axis) -> FRF:
-    key = f"frf {i}"
-    name, use = columns.file_and_use(entry, _KEYS["frf"], key)
-    try:
-        for side, example in (("input", "torque"), ("output", "position")):
-            if not isinstance(entry.get(side), str):
-                raise DataError(f'{side} must be given, as in {side} = "{example}"; {entry.get(side)!r} given')
-        # A current is turned into torque; then the amplitude is one of torque already.
-        source, constant = entry["input"], 1.0
-        if source == "current":
-            if axis.torque_constant is None:
-                raise DataError("the input is current, not torque: axis.torque_constant [N m/A] is needed")
-            constant = axis.torque_constant
-        drive = INPUTS.get(source, "")
-        amplitude = number(entry, "amplitude", "", drive if axis.joint.kind == "hinge" else drive.replace("N m", "N"))
-        scale = number(entry, "scale", "", "SI per raw number")
-        if not os.path.isfile(folder / name):
-            raise DataError(f"no such file: {name}")
-        found = frf_table.from_table(
-            formats.read(folder / name), Path(name).name, source, entry["output"],
-            columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=scale,
-            amplitude=amplitude, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
-        )  # fmt: skip
-        if source == "current":
-            excitation = None if found.excitation is None else found.excitation * abs(constant)
-            sigma = None if found.sigma is None else found.sigma / abs(constant)
-            unit = response_unit("torque", found.output, axis.joint.kind)
-            found = replace(
-                found, response=found.response / constant, input="torque", unit=unit, excitation=excitation, sigma=sigma
-            )
-    except DataError as error:
-        raise DataError(f"{key} ({name}): {error}") from None
-    return found
 
 
 def find(path: str | Path) -> Path:

@@ -144,19 +144,21 @@ _OF_POINT = ("coherence", "excitation")
 def to_csv(frfs: Sequence[FRF]) -> str:
     """Responses as a table with a row per point; they are numbered from 1, and comments give their names.
 
-    Columns: response, frequency [Hz], magnitude [abs], phase [rad] and, where all have them, coherence, sigma,
-    excitation and amplitude. Magnitudes are in the unit that the comment states.
+    Columns: response, frequency [Hz], magnitude [abs], phase [rad] and, where one has them, coherence, sigma,
+    excitation, amplitude and sine (1 or 0). Magnitudes are in the unit that the comment states. [[frf]] reads it back.
     """
-    optional = ("coherence", "sigma", "excitation", "amplitude")
-    extra = [k for k in optional if all(getattr(f, k) is not None for f in frfs)]
+    optional = ("coherence", "sigma", "excitation", "amplitude", "sine")
+    extra = [k for k in optional if any(getattr(f, k) is not None for f in frfs)]
     lines = []
     for i, f in enumerate(frfs, 1):
         what = " ".join(f"{f.name}: {f.output} over {f.input} [{f.unit}]; {'; '.join(f.notes)}".split())
         lines.append(f"# {i}: {what}")
     lines.append(",".join(["response", "frequency [Hz]", "magnitude [abs]", "phase [rad]", *extra]))
     for i, f in enumerate(frfs, 1):
-        columns = [f.frequency, np.abs(f.response), np.angle(f.response), *(getattr(f, k) for k in extra)]
-        lines += [",".join([str(i), *map(repr, row)]) for row in zip(*(c.tolist() for c in columns), strict=True)]
+        columns: list[list[Any]] = [x.tolist() for x in (f.frequency, np.abs(f.response), np.angle(f.response))]
+        for value in (getattr(f, k) for k in extra):
+            columns.append([""] * len(f) if value is None else np.broadcast_to(value + 0.0, len(f)).tolist())
+        lines += [",".join([str(i), *map(str, row)]) for row in zip(*columns, strict=True)]
     return "\n".join(lines) + "\n"
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ _NAMES = {
     "excitation": r"excitation|excitation amplitude|input amplitude",
     "sigma": r"sigma|std|standard deviation",
 }
+RESPONSE, SINE = "response", "sine"  # columns of several responses in one file: its number, and `FRF.sine` as 1 or 0
 _FEW = 6  # quantities at most in a file that has a line for each
 _LARGEST = 1e30
 
@@ -77,9 +78,7 @@ def from_table(
         for key in given:
             if key not in known:
                 raise DataError(f"unknown key {word}.{key}; expected {listing(known)}")
-    number = table.columns.get("response")
-    if number is not None and (several := len(np.unique(number))) > 1:
-        raise DataError(f"the file holds {several} responses (column 'response'); give each its own file")
+    sine = table.columns.get(SINE)
     per_line = _has_a_line_per_quantity(table)
     raw, notes = _raw(_turned(table) if per_line else table, chosen, per_line), []
     at_zero = raw["frequency"][0] == 0
@@ -120,7 +119,33 @@ def from_table(
         few, many = int(repeats.min()), int(repeats.max())
         said += f", mean of {few if few == many else f'{few} to {many}'} repeats ({rejected} outliers without weight)"
     return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
-               notes=(what, said, *notes), **values)
+               sine=None if sine is None else bool(sine.all()), notes=(what, said, *notes), **values)
+
+
+def parts(table: Table, chosen: Any = None) -> list[tuple[str, Table]]:
+    """Every response of a file by its number in a column "response", as `to_csv` writes them: a label, and its rows.
+
+    Args:
+        table: of the whole file; without such a column it is one response, with no label.
+        chosen: the number of the only one that is asked for.
+
+    Raises:
+        DataError: there is none of that number.
+    """
+    number = table.columns.get(RESPONSE)
+    numbers = [] if number is None or np.any(number % 1) else np.unique(number).tolist()  # else it may be a magnitude
+    if chosen is None and len(numbers) <= 1:
+        return [("", table)]
+    if chosen is not None and (isinstance(chosen, bool) or chosen not in numbers):
+        has = f"its column {RESPONSE!r} has {', '.join(f'{n:g}' for n in numbers)}" if numbers else \
+            f"it has no column {RESPONSE!r}"
+        raise DataError(f"response = {chosen!r}: the file has no such response; {has}")
+    out = []
+    for n in numbers if chosen is None else [chosen]:
+        rows = table.rows(number == n)
+        told = {k: v for k, v in rows.columns.items() if not np.isnan(v).all()}  # others have what this one has not
+        out.append((f" response {n:g}", replace(rows, columns=told)))
+    return out
 
 
 def from_control(

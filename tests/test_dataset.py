@@ -1,5 +1,6 @@
 """Measurement sets: numbers reach SI untouched, and whatever is wrong ends in one line that names the place."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import emps
@@ -190,6 +191,8 @@ def test_saved_records_come_back_to_the_last_bit(suffix: str, tmp_path: Path) ->
     for given_, read in zip(records, runs.records, strict=True):
         assert (read.use, read.resolution) == (given_.use, 1e-3) and np.array_equal(read.time, given_.time)
         assert all(np.array_equal(read.signals[k], v) for k, v in given_.signals.items())
+    save(tmp_path / "read", [replace(records[0], sensed=True), records[1]], "slide", suffix=suffix)
+    assert [r.sensed for r in load(tmp_path / "read").records] == [True, False]
     with pytest.raises(DataError, match="two records are called 'slow"):
         save(tmp_path / "set", [records[0], records[0]])
 

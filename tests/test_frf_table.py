@@ -112,8 +112,33 @@ def test_units_of_both_ends_scale_and_torque_constant(tmp_path: Path) -> None:
 
 def test_what_we_write_comes_back(tmp_path: Path) -> None:
     assert close(dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0])
-    with pytest.raises(DataError, match=r"2 responses .* its own file"):
-        dataset(tmp_path, to_csv([FRF("a", F, G), FRF("b", F, G)]))
+
+
+def test_several_responses_in_a_file_come_back_each_with_what_it_has(tmp_path: Path) -> None:
+    few = slice(0, 20)
+    given_ = [
+        FRF("sines", F, G, excitation=np.full(40, 2e-3), sigma=0.01 * MAG, sine=True),
+        FRF("multisine", F[few], 2 * G[few], coherence=np.full(20, 0.9), sine=False),
+        FRF("unknown", F, 3 * G),
+    ]
+    (tmp_path / "all.csv").write_text(to_csv(given_))
+    entry = '[[frf]]\nfile = "all.csv"\ninput = "torque"\noutput = "position"\n'
+    (tmp_path / "dataset.toml").write_text(entry)
+    read = load(tmp_path).frfs
+    assert [f.name for f in read] == ["all.csv response 1", "all.csv response 2", "all.csv response 3"]
+    for a, b in zip(given_, read, strict=True):
+        assert a.sine is b.sine and np.array_equal(a.frequency, b.frequency)
+        assert np.allclose(a.response, b.response, rtol=1e-12)
+        for key in ("excitation", "sigma", "coherence", "amplitude"):
+            x, y = getattr(a, key), getattr(b, key)
+            assert (x is None and y is None) or np.allclose(x, y, rtol=1e-12)
+    (tmp_path / "dataset.toml").write_text(entry + "response = 2\namplitude = 1e-3\n")
+    (one,) = load(tmp_path).frfs
+    assert len(one) == 20 and one.excitation is not None and np.allclose(one.excitation, 1e-3)
+    for more, words in (("response = 4\n", "has 1, 2, 3"), ("amplitude = 1e-3\n", "the file holds 3 responses")):
+        (tmp_path / "dataset.toml").write_text(entry + more)
+        with pytest.raises(DataError, match=words):
+            load(tmp_path)
 
 
 def test_what_stands_at_0_hz_is_left_out(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ LAYERS = [
     {"servo_residuals"},
     {"mjcf", "bam", "servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
+    {"frf_files"},
     {"dataset"},
     {"held_out"},
     {"linear_model"},
