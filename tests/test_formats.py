@@ -8,10 +8,12 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pyarrow import parquet as pq
 
 from gms_mujoco import formats
 from gms_mujoco.errors import DataError
@@ -180,7 +182,8 @@ def test_missing_cell_is_not_a_number(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("time,torque\n0,1\n0.1,1,7\n", r"line 3: 3 columns; expected 2"),
-        ("time,time\n0,1\n", r"line 1: two columns are called 'time'"),
+        ("time,torque\n0,1\n1\n2,3\n", r"line 3: 1 columns; expected 2"),
+        ("time,torque\n0,1\n\nEOF\nEOF\n", r"line 4: 1 columns; expected 2"),
         ("time,torque\n", r"header but no samples"),
         ("# only a comment\n", r"the file is empty"),
     ],
@@ -188,6 +191,80 @@ def test_missing_cell_is_not_a_number(tmp_path: Path) -> None:
 def test_broken_tables_name_the_line(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=message):
         formats.read(csv(tmp_path, text))
+
+
+def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """TwinCAT writes the name and the time of a channel before each."""
+    table = formats.read(csv(tmp_path, "Name,Value,Name,Value\n0,1,2,3\n"))
+    assert list(table.columns) == ["Name (1)", "Value (1)", "Name (2)", "Value (2)"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rig,7,\nby,Anna,\nrate,1000,Hz\nt,q,x\n0,1,5\n1,2,5\n",  # as wide as the table
+        "Length,2,,\n,,,\nt,q,x,\n0,1,5,\n1,2,5,\n",
+        "t;q;x\n0;1;5\n1;2;5\n" + ";;\n" * 3000,
+    ],
+)
+def test_rows_that_are_not_of_the_table_are_left_out(text: str, tmp_path: Path) -> None:
+    table = formats.read(csv(tmp_path, text))
+    assert {k: v.tolist() for k, v in table.columns.items()} == {"t": [0, 1], "q": [1, 2], "x": [5, 5]}
+
+
+def test_a_row_that_was_cut_has_no_numbers(tmp_path: Path) -> None:
+    """What stands in it may be the beginning of a longer number."""
+    for text in ("t,q,x\n0,1,5\n1,2,5\n2,3", "t,q,x\n0,1,5\n1,2,5\n2\n", "t q x\n0 1 5\n1 2 5\n2 3"):
+        table = formats.read(csv(tmp_path, text))
+        for name, numbers in (("t", [0, 1]), ("q", [1, 2]), ("x", [5, 5])):
+            assert np.array_equal(table.columns[name], [*numbers, np.nan], equal_nan=True)
+
+
+STAMPS = {
+    "2024-03-05T14:30:59.500Z": ("2024-03-05T14:30:59.750Z", 0.25),
+    "2024-03-05 14:30:59": ("2024-03-05T15:31:00+01:00", 1.0),
+    "2024-03-05 14:30:59.123456789": ("2024-03-05 14:30:59.123457789", 1e-6),
+    "05.03.2024 23:59:59,5": ("06.03.2024 00:00:00,25", 0.75),
+    "05-Mar-2024 14:30:59.500": ("05-Mar-2024 14:30:59.501", 1e-3),
+    "31/01/2024 23:59:59": ("01/02/2024 00:00:01", 2.0),  # a log lasts no months
+    "1/31/2024 11:59:59 PM": ("2/1/2024 12:00:01 AM", 2.0),
+    "3/5/2024 12:59:59 PM": ("3/5/2024 1:00:00 PM", 1.0),
+    "23:59:59.900": ("00:00:00.100", 0.2),
+    "59:59.5": ("00:00.1", 0.6),
+    "14:30:59:500": ("14:31:00:250", 0.75),
+}
+
+
+@pytest.mark.parametrize(("first", "second"), STAMPS.items())
+def test_dates_and_times_of_day_are_seconds_from_the_first(
+    first: str, second: tuple[str, float], tmp_path: Path
+) -> None:
+    for text in (f"when;q\n{first};1\n{second[0]};2\n;3\n", f"{first};1\n{second[0]};2\n;3\n"):  # header or none
+        time, *_ = formats.read(csv(tmp_path, text)).columns.values()
+        np.testing.assert_allclose(time, [0, second[1], np.nan], rtol=1e-9)
+
+
+def test_what_only_begins_like_a_time_stamp_is_none(tmp_path: Path) -> None:
+    table = formats.read(csv(tmp_path, "when,q\n2024-03-05T14:30:59,1\nlater,2\n"))
+    assert list(table.columns) == ["q"] and "is not a number" in table.unusable["when"]
+
+
+def test_columns_of_dates_are_seconds_in_tables_with_types(tmp_path: Path) -> None:
+    stamps = np.array(["2024-03-05T14:30:59.5", "2024-03-05T14:31:00.25", "NaT"], "datetime64[us]")
+    spans = np.array([500, 1250, "NaT"], "timedelta64[ms]")
+    pq.write_table(pa.table({"when": stamps, "there": pa.array(stamps, pa.timestamp("ns", "Europe/Berlin")),
+                             "span": spans, "clock": pa.array([1000, 1750, None], pa.time32("ms"))}),
+                   tmp_path / "a.parquet")  # fmt: skip
+    np.savez(tmp_path / "a.npz", when=stamps, span=spans)
+    for file, names in (("a.parquet", ("when", "there", "clock")), ("a.npz", ("when",))):
+        columns = formats.read(tmp_path / file).columns
+        np.testing.assert_allclose(columns["span"], [0.5, 1.25, np.nan])
+        for name in names:
+            np.testing.assert_allclose(columns[name], [0, 0.75, np.nan])
+
+
+def test_true_and_false_are_numbers(tmp_path: Path) -> None:
+    assert formats.read(csv(tmp_path, "t,on\n0,TRUE\n1,false\n")).columns["on"].tolist() == [1, 0]
 
 
 # The others.
@@ -246,6 +323,12 @@ def mat_7_3(path: Path, arrays: dict[str, object]) -> Path:
             inner = group.create_group(name)
             for key, part in value.items():
                 put(inner, key, part)
+        elif isinstance(value, list):  # of structs: each field is an array of references
+            inner = group.create_group(name)
+            for key in value[0]:
+                refer(inner, key, [part[key] for part in value])
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "O":
+            refer(group, name, value.tolist()).attrs["MATLAB_class"] = np.bytes_("cell")
         elif isinstance(value, str):
             item = group.create_dataset(name, data=np.array([[ord(c)] for c in value], np.uint16))
             item.attrs["MATLAB_class"] = np.bytes_("char")
@@ -256,6 +339,13 @@ def mat_7_3(path: Path, arrays: dict[str, object]) -> Path:
                 pair["real"], pair["imag"] = array.real, array.imag
                 array = pair
             group.create_dataset(name, data=array).attrs["MATLAB_class"] = np.bytes_("double")
+
+    def refer(group, name: str, parts: list[object]):
+        refs = group.file.require_group("#refs#")
+        names = [f"{len(refs) + i}" for i in range(len(parts))]
+        for label, part in zip(names, parts, strict=True):
+            put(refs, label, part)
+        return group.create_dataset(name, data=np.array([[refs[n].ref] for n in names], h5py.ref_dtype))
 
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, value in arrays.items():
@@ -275,6 +365,23 @@ def test_mat_7_3_is_read_like_the_older_ones(tmp_path: Path) -> None:
     assert set(new.columns) == set(old.columns) == {"t", "log.q", "m.0", "m.1", "m.2", "h.real", "h.imag"}
     assert all(np.array_equal(new.columns[k], old.columns[k]) for k in new.columns)
     assert new.unusable == old.unusable
+
+
+def test_arrays_of_structs_and_cells_of_matlab_are_numbered_as_there(tmp_path: Path) -> None:
+    runs = [{"t": np.arange(9.0) + i, "q": {"raw": np.ones(9) * i}} for i in range(2)]
+    cell = np.empty(3, dtype=object)
+    cell[:] = [np.arange(9.0), "text", np.arange(9.0) - 1]
+    old_runs = np.empty(2, dtype=[("t", "O"), ("q", "O")])
+    for i, run in enumerate(runs):
+        old_runs[i] = tuple(run.values())
+    scipy.io.savemat(tmp_path / "old.mat", {"run": old_runs, "c": cell})
+    found = [formats.read(tmp_path / "old.mat")]
+    if importlib.util.find_spec("h5py"):
+        found.append(formats.read(mat_7_3(tmp_path / "new.mat", {"run": runs, "c": cell})))
+    for table in found:
+        assert set(table.columns) == {"run(1).t", "run(2).t", "run(1).q.raw", "run(2).q.raw", "c{1}", "c{3}"}
+        assert np.array_equal(table.columns["run(2).t"], np.arange(9.0) + 1)
+        assert np.array_equal(table.columns["c{3}"], np.arange(9.0) - 1) and list(table.unusable) == ["c{2}"]
 
 
 @anyhow

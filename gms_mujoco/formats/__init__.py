@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, GmsError, listing
+from . import stamps
 
 Array = NDArray[np.float64]
 
@@ -147,12 +148,14 @@ def unpack(arrays: Mapping[str, object]) -> Table:
 
     (n,), (n, 1) and (1, n) are a column; of (n, m) and (m, n) the longer side is time and the columns are
     "name.0", "name.1", ...; a column of complex numbers is two, "name.real" and "name.imag", or one where every
-    imaginary part is 0; single numbers and text are unusable.
+    imaginary part is 0; dates are seconds from the first; single numbers and text are unusable.
     """
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
     for name, value in arrays.items():
         array = np.asarray(value)
+        if array.dtype.kind in "mM" and array.ndim == 1:
+            array = stamps.from_numpy(array)
         if array.dtype.kind not in "bifuc":
             unusable[name] = "it holds no numbers"
         elif array.size < 2:

@@ -2,8 +2,10 @@
 
 Lines that start with # or % are comments; where no other line names the columns, the comment right above them may. A
 decimal comma is understood where it does not separate columns. Other lines before the header are left out, and a row
-of units below it is read. A few lines that each begin with a name and go on with numbers are columns laid on their
-side. A column of complex numbers ("1.5-2i") is two, "name.real" and "name.imag".
+of units below it is read; so is a file that ends in the middle of a row, which is then without numbers. A few lines
+that each begin with a name and go on with numbers are columns laid on their side. A column of complex numbers
+("1.5-2i") is two, "name.real" and "name.imag"; dates and times of day are seconds (see stamps.py), true and false 1
+and 0. Columns of one name are told apart by a number behind it, "value (2)".
 """
 
 from __future__ import annotations
@@ -25,13 +27,14 @@ from pyarrow import csv
 from ..errors import DataError
 from ..files import write_bytes
 from ..units import is_unit
-from . import Array, Table, real_and_imaginary
+from . import Array, Table, real_and_imaginary, stamps
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
 _MOST_PREAMBLE = 200  # lines before the header
 _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+_GROUPED = re.compile(r"[+-]?\d{1,3}(([.]\d{3})+,\d+|(,\d{3})+[.]\d+)")  # 1.234,5 or 1,234.5
 _FORTRAN = re.compile(r"([\d.])[dD]([+-]?\d)")  # 1.5D-03
 Lines = list[tuple[int, str]]  # with the number of each in the file
 
@@ -40,6 +43,8 @@ def read(path: Path) -> Table:
     lines = list(enumerate(_text(path).replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1))
     # What is read, with the line it stands on: empty lines are no samples.
     kept = [(i, s) for i, s in lines if s.strip() and s.lstrip()[0] not in "#%"]
+    while kept and not kept[-1][1].strip(";,\t "):  # a spreadsheet writes rows of separators alone
+        kept.pop()
     if not kept:
         raise DataError(f"{path}: the file is empty; expected columns of numbers")
     comments = [s for i, s in lines if i < kept[0][0] and s.strip()]
@@ -54,25 +59,25 @@ def read(path: Path) -> Table:
     lying = _lying(path, kept, separator, comma)
     if lying is not None:
         return lying
-    width = len(_cells(kept[-1][1], separator))
+    width = len(_cells(_usual(kept), separator))
     names = _cells(kept[0][1], separator)
-    named, samples = not all(map(_is_number, _with_points(names, comma))), kept
-    units: dict[str, str] = {}
+    named, samples = not all(map(_is_value, _with_points(names, comma))), kept
+    below: list[str] = []
     if named:
         if separator == " " and len(names) != width:  # blanks inside names: two or more stand between them
             names = re.split(r"\s{2,}|\t", whole_first.strip())
         samples = kept[1:]
         if len(samples) > 1 and (below := _units_row(_cells(samples[0][1], separator), len(names))):
-            samples, units = samples[1:], _by_name(names, below)
+            samples = samples[1:]
     else:
         above, below = _names_above(comments, separator, width)
         names, named = above or [str(i) for i in range(width)], bool(above)
-        units = _by_name(names, below)
-    for name in names:
-        if names.count(name) > 1:
-            raise DataError(f"{path}: line {kept[0][0]}: two columns are called {name!r}; give each a name of its own")
+    names = _told_apart(names)
     if not samples:
         raise DataError(f"{path}: the file has a header but no samples")
+    units = {name: unit for name, unit in zip(names, below, strict=False) if unit}
+    if len(_cells(samples[-1][1], separator)) < len(names):  # the logger was stopped in the middle of it
+        samples = [*samples[:-1], (samples[-1][0], separator * (len(names) - 1))]
     for i, s in samples:
         fields = s.count(separator) + 1
         if fields != len(names) and ('"' not in s or (fields := len(_cells(s, separator))) != len(names)):
@@ -90,7 +95,7 @@ def read(path: Path) -> Table:
     for name in names:
         column, wrong = _numbers(table[name], comma)
         if column is None:
-            unusable[name] = f"line {samples[wrong][0]}: {table[name][wrong].as_py()!r} is not a number"
+            unusable[name] = _why(samples[wrong][0], str(table[name][wrong].as_py()))
         else:
             parts = real_and_imaginary(name, column)
             columns |= parts
@@ -165,34 +170,43 @@ def _names_above(comments: list[str], separator: str, width: int) -> tuple[list[
     return (rows[0], []) if rows and _is_named(rows[0], width) and len(set(rows[0])) == width > 1 else ([], [])
 
 
-def _by_name(names: list[str], units: list[str]) -> dict[str, str]:
-    return {name: unit for name, unit in zip(names, units, strict=False) if unit}
+def _told_apart(names: list[str]) -> list[str]:
+    """Names with a number behind those that stand over several columns: none is taken for another unseen."""
+    return [f"{n} ({names[: i + 1].count(n)})".strip() if names.count(n) > 1 else n for i, n in enumerate(names)]
 
 
 def _without_preamble(kept: Lines) -> Lines:
     """The lines from the header on, where others stand before it that are no rows of the table.
 
     The header is the last line with a name in each cell before the first with a number in each; above it stands at
-    least one line of another width.
+    least one line of another width, or with an empty cell or a number.
     """
     for mark in ";\t,":
         rows = [_cells(s, mark) for _, s in kept[: _MOST_PREAMBLE + 2]]
-        width = len(_cells(kept[-1][1], mark))
+        usual = _cells(_usual(kept), mark)
+        if len(usual) > 2 and all(len(r) == len(usual) and not r[-1] for r in rows):  # each ends in a separator
+            rows, usual = [r[:-1] for r in rows], usual[:-1]
+        width = len(usual)
         if width < 2:
             continue
-        numbers = [len(r) == width and all(c and _is_number(c.replace(",", ".")) for c in r) for r in rows]
+        numbers = [len(r) == width and all(c and _is_value(c.replace(",", ".")) for c in r) for r in rows]
         first = next((i for i, good in enumerate(numbers) if good), 0)
         header = first - 1
         if header > 0 and _units_row(rows[header], width) and _is_named(rows[header - 1], width):
             header -= 1
-        if header > 0 and _is_named(rows[header], width) and any(len(r) != width for r in rows[:header]):
+        if header > 0 and _is_named(rows[header], width) and not all(_is_named(r, width) for r in rows[:header]):
             return kept[header:]
         return kept
     return kept
 
 
+def _usual(kept: Lines) -> str:
+    """A line like most: the last one may have been cut."""
+    return kept[-2 if len(kept) > 2 else -1][1]
+
+
 def _is_named(cells: list[str], width: int) -> bool:
-    return len(cells) == width and all(c and not _is_number(c) for c in cells)
+    return len(cells) == width and all(c and not _is_value(c) for c in cells)
 
 
 def _units_row(cells: list[str], width: int) -> list[str]:
@@ -204,7 +218,7 @@ def _units_row(cells: list[str], width: int) -> list[str]:
 
 def _separator(kept: Lines) -> str:
     """Of the columns: semicolon, tab, comma or " ", by the first line; commas inside numbers are decimal ones."""
-    cells = kept[-1][1].split()
+    cells = _usual(kept).split()
     numbers = [_NUMBER.fullmatch(c) or (i == 0 and "," not in c) for i, c in enumerate(cells)]
     blank = len(cells) > 1 and all(numbers) and _has_decimal_comma(cells)
     return next((c for c in (";\t" if blank else ";\t,") if c in kept[0][1]), " ")
@@ -246,6 +260,16 @@ def _is_number(text: str) -> bool:
     return True
 
 
+def _is_value(text: str) -> bool:
+    return _is_number(text) or stamps.is_stamp(text)
+
+
+def _why(line: int, text: str) -> str:
+    """Why a column is not one of numbers."""
+    hint = "; write it without marks between thousands" if _GROUPED.fullmatch(text) else ""
+    return f"line {line}: {text!r} is not a number{hint}"
+
+
 def _complex(text: str) -> complex:
     """A number as text, "1.5", "1.5D-3", "1.5-2i" or "(1.5-2j)"; nan where it is none."""
     plain = _FORTRAN.sub(r"\1e\2", text.strip())
@@ -267,10 +291,10 @@ def _numbers(column: pa.ChunkedArray, comma: bool) -> tuple[NDArray[Any] | None,
             cells = _with_points([s or "" for s in column.to_pylist()], comma)
             wrong = next((i for i, s in enumerate(cells) if not _is_number(s)), None)
             if wrong is not None:
-                return None, wrong
+                return stamps.from_text(column), wrong
             return np.array([_complex(s) for s in cells]), 0
     if pa.types.is_null(column.type):
         return np.full(len(column), np.nan), 0
-    if pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
+    if any(is_kind(column.type) for is_kind in (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean)):
         return np.asarray(pc.cast(column, pa.float64(), safe=False).to_numpy(zero_copy_only=False)), 0
-    return None, 0
+    return stamps.from_arrow(column), 0

@@ -1,4 +1,8 @@
-"""MATLAB files; those of version 7.3 (HDF5) through h5py. The fields of a struct are columns "struct.field"."""
+"""MATLAB files; those of version 7.3 (HDF5) through h5py.
+
+The fields of a struct are columns "struct.field", of an array of structs "struct(1).field"; what a cell holds is
+"cell{1}".
+"""
 
 from __future__ import annotations
 
@@ -21,21 +25,21 @@ _DEEPEST = 16
 _ORDERS: Mapping[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 _TYPES = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18}
 _MATRIX, _COMPRESSED = 14, 15
+_MOST = 1000  # of a cell or an array of structs
 _LARGEST = 2**31  # bytes of an array: a damaged header may claim any
 
 
 def read(path: Path) -> Table:
     with path.open("rb") as stream:
         head = stream.read(128)
-    arrays: dict[str, object] = {}
     if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
         h5py = needed("h5py", "MATLAB 7.3 files (.mat)", "hdf5")
         with h5py.File(path, "r") as file:
-            _walk(path, h5py, file, "", arrays, 0)
-        return unpack(arrays)
+            return unpack(_Hdf5(path, h5py, file).arrays)
     if head[126:128] in _ORDERS and all(head[:4]):  # version 5; that of 4 begins with a zero among its first bytes
         content = path.read_bytes()
         _check_elements(path, memoryview(content)[128:], _ORDERS[head[126:128]], 0)
+    arrays: dict[str, object] = {}
     for name, value in scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True).items():
         if not name.startswith("__"):
             _flatten(name, value, arrays)
@@ -73,32 +77,58 @@ def write(path: Path, columns: Mapping[str, Array]) -> None:
     write_bytes(path, stream.getvalue())
 
 
-def _flatten(name: str, value: object, into: dict[str, object]) -> None:
+def _flatten(name: str, value: object, into: dict[str, object], depth: int = 0) -> None:
     fields = getattr(value, "_fieldnames", None)
-    if fields is None:
+    if depth > _DEEPEST:
+        into[name] = "text"
+    elif fields is not None:
+        for field in fields:
+            _flatten(f"{name}.{field}", getattr(value, field), into, depth + 1)
+    elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.size <= _MOST:
+        for i, part in enumerate(value.ravel("F"), 1):
+            label = f"({i})" if hasattr(part, "_fieldnames") else f"{{{i}}}"
+            _flatten(name + label, part, into, depth + 1)
+    else:
         into[name] = value
-        return
-    for field in fields:
-        _flatten(f"{name}.{field}", getattr(value, field), into)
 
 
-def _walk(path: Path, h5py: Any, group: Any, before: str, into: dict[str, object], depth: int) -> None:
-    """The arrays of a 7.3 file: groups are structs, dimensions stand in reverse, references are cells or structs."""
-    for key in group:
-        if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
-            continue  # what cells refer to; a link may lead to another file
-        item, name = group[key], f"{before}{key}"
-        if isinstance(item, h5py.Group):
+class _Hdf5:
+    """The arrays of a 7.3 file by name: groups are structs, dimensions stand in reverse, references are cells or
+    structs."""
+
+    def __init__(self, path: Path, h5py: Any, file: Any) -> None:
+        self._path, self._h5py, self._file = path, h5py, file
+        self._followed: set[str] = set()  # a damaged file may refer in circles
+        self.arrays: dict[str, object] = {}
+        self._walk(file, "", 0)
+
+    def _walk(self, group: Any, before: str, depth: int) -> None:
+        for key in group:
+            # What cells refer to stands under "#refs#"; a link may lead to another file.
+            if not key.startswith("#") and isinstance(group.get(key, getlink=True), self._h5py.HardLink):
+                self._put(group[key], before, key, depth)
+
+    def _put(self, item: Any, before: str, key: str, depth: int) -> None:
+        """One item; its name in two parts, for the number of a struct in an array stands between them."""
+        name, kind = before + key, item.attrs.get("MATLAB_class", b"")
+        if isinstance(item, self._h5py.Group):
             if depth < _DEEPEST:
-                _walk(path, h5py, item, f"{name}.", into, depth + 1)
+                self._walk(item, f"{name}.", depth + 1)
         elif item.attrs.get("MATLAB_empty", 0):
-            into[name] = np.zeros(0)
-        elif item.dtype.kind == "O" or item.attrs.get("MATLAB_class", b"") == b"char":
-            into[name] = "text, a cell or an array of structs"
+            self.arrays[name] = np.zeros(0)
+        elif self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference and item.size <= _MOST:
+            for i, to in enumerate(item[()].ravel(), 1):  # rows and columns change places: this is MATLAB's order
+                part = self._file[to] if to else None
+                if part is not None and part.name not in self._followed:
+                    self._followed.add(part.name)
+                    at = (before, f"{key}{{{i}}}") if kind == b"cell" else (f"{before[:-1]}({i}).", key)
+                    self._put(part, *at, depth + 1)
+        elif item.dtype.kind == "O" or kind == b"char":
+            self.arrays[name] = "text"
         else:
             if item.external or item.is_virtual or item.nbytes > _LARGEST:
-                raise DataError(f"{path}: {name!r} does not lie in this file, or has more than 2 GiB")
+                raise DataError(f"{self._path}: {name!r} does not lie in this file, or has more than 2 GiB")
             value = item[()]
             if value.dtype.names == ("real", "imag"):
                 value = value["real"] + 1j * value["imag"]
-            into[name] = value.T
+            self.arrays[name] = value.T

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from ..errors import DataError
 from ..files import write_bytes
-from . import Array, Table
+from . import Array, Table, stamps
 
 SUFFIXES = (".parquet", ".pq")
 
@@ -46,6 +46,8 @@ def read(path: Path) -> Table:
         elif any(is_kind(kind) for is_kind in _NUMBERS):
             numbers = pc.cast(table.column(i), pa.float64(), safe=False)
             columns[name] = numbers.to_numpy().astype(float)
+        elif (seconds := stamps.from_arrow(table.column(i))) is not None:
+            columns[name] = seconds
         else:
             unusable[name] = f"it holds {kind}, not numbers"
     return Table(columns, unusable)
