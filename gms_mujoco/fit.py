@@ -22,6 +22,7 @@ from .plant import Plant
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
 from .starts import starts
+from .tall import squared
 from .threads import one_blas_thread
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
@@ -35,6 +36,7 @@ _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
+_NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 _RUNS = 16  # of a servo, for a first look
 _ENOUGH = 160  # points of frequency responses, for a first look
 
@@ -121,7 +123,9 @@ def fit(
     records together, in the band that the sensors allow, and over every point of frequency responses, each weighed by
     its uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from
     the goal (`servo_observation`). Parameters that have no value yet are started from the
-    data; the others start where they are.
+    data; the others start where they are. Of several starts the one that leaves the least after a few steps goes on;
+    where it ends above the noise floor the others do too, until one comes down to it. One that does not takes no place:
+    beside an effect that the plant lacks, the lowest is the friction that has bent furthest to hide it.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
     variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.
@@ -142,10 +146,21 @@ def fit(
     driven(plant, data)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
-    misfit, x = _fit(plant, observations, fixed, report)
+    first, *others = _rough_fits(plant, observations, fixed, report)
+    report(0.5, "refining")
+    misfit, x = _led_to(first, observations, fixed)
     if _pressing(misfit, x) and (early := acting_early(_result(misfit, x), fixed)):
-        misfit, x = _fit(plant, early, fixed)
+        observations = early
+        first, *others = _rough_fits(plant, observations, fixed)
+        misfit, x = _led_to(first, observations, fixed)
     found = _finished(misfit, x)
+    for i, start in enumerate(others):
+        if _near_floor(found):
+            break
+        report(0.7 + 0.3 * i / len(others), f"refining start {i + 2} of {len(others) + 1}")
+        other = _result(*_led_to(start, observations, fixed, _NEAR_FLOOR**2 * squared(found.floor_rows)))
+        if _near_floor(other):
+            found = finished(other)
     report(1.0, found.status)
     return found
 
@@ -157,25 +172,12 @@ def fit_observations(
     progress: Progress | None = None,
     below: float = math.inf,
 ) -> FitResult:
-    """`fit` on records that are already seen through a band, near enough to judge it; see `refine` for `below`."""
-    return _result(*_fit(plant, observations, fixed, progress, below))
-
-
-def _fit(
-    plant: Plant,
-    observations: Sequence[Seen],
-    fixed: Collection[str] = (),
-    progress: Progress | None = None,
-    below: float = math.inf,
-) -> tuple[Misfit, Array]:
+    """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
+    most; see `refine` for `below`."""
     report = progress or (lambda done, message: None)
-    misfit, x = rough_fit(plant, observations, fixed, report, below)
+    first = _rough_fits(plant, observations, fixed, report, below)[0]
     report(0.5, "refining")
-    misfit, x = _to_end(misfit, x, fixed, 40, below)
-    if again := _doubting(misfit, x):
-        misfit = Misfit(misfit.plant(x), again, fixed)
-        x = _refined(misfit, x)
-    return misfit, x
+    return _result(*_led_to(first, observations, fixed, below))
 
 
 def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -244,30 +246,53 @@ def _doubting(misfit: Misfit, x: Array) -> list[Seen] | None:
 
 
 def rough_fit(
+    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), below: float = math.inf
+) -> tuple[Misfit, Array]:
+    """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
+    guessed; see `refine` for `below`."""
+    return _begun(_rough_fits(plant, observations, fixed, below=below)[0], observations, fixed)
+
+
+def _rough_fits(
     plant: Plant,
     observations: Sequence[Seen],
     fixed: Collection[str] = (),
     progress: Progress | None = None,
     below: float = math.inf,
-) -> tuple[Misfit, Array]:
-    """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
-    guessed; see `refine` for `below`."""
+) -> list[Plant]:
+    """Where the starts lead in a few steps, that with the least left over first."""
     report = progress or (lambda done, message: None)
-    best: tuple[float, Plant] | None = None
+    led: list[tuple[float, Plant]] = []
     some = fewer(observations)
     candidates = starts(plant, some)
     for i, start in enumerate(candidates):
         report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
         misfit = Misfit(start, some, fixed, coarse=True)
-        common, enough = np.arange(misfit.n_common), min(below, best[0] if best else math.inf)
+        common, enough = np.arange(misfit.n_common), min([below, *(cost for cost, _ in led)])
         x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=common, below=enough)
         x = _agreed(misfit, x, 20, common)
-        cost = misfit.cost(x)
-        if best is None or cost < best[0]:
-            best = cost, misfit.plant(x)
-    assert best is not None
-    misfit = Misfit(best[1], observations, fixed)
-    return misfit, nudge(misfit, misfit.vector(best[1]))
+        led.append((misfit.cost(x), misfit.plant(x)))
+    return [start for _, start in sorted(led, key=lambda t: t[0])]
+
+
+def _begun(start: Plant, observations: Sequence[Seen], fixed: Collection[str]) -> tuple[Misfit, Array]:
+    misfit = Misfit(start, observations, fixed)
+    return misfit, nudge(misfit, misfit.vector(start))
+
+
+def _led_to(
+    start: Plant, observations: Sequence[Seen], fixed: Collection[str], below: float = math.inf
+) -> tuple[Misfit, Array]:
+    """The fit that a rough one leads to, with the points of responses trusted as they deserve."""
+    misfit, x = _to_end(*_begun(start, observations, fixed), fixed, 40, below)
+    if again := _doubting(misfit, x):
+        misfit = Misfit(misfit.plant(x), again, fixed)
+        x = _refined(misfit, x)
+    return misfit, x
+
+
+def _near_floor(found: FitResult) -> bool:
+    return squared(found.misfit.residual(found.vector)) <= _NEAR_FLOOR**2 * squared(found.floor_rows)
 
 
 def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:

@@ -29,6 +29,7 @@ _WIDEST = 0.3  # of the travel: one that breaks away later hardly slips both way
 # An element that slips only after many times the usual distance is a spring with an unknown offset in every record:
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
+_SOME = 0.05  # of the level: elements with less are not the friction beside which others are springs
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
 _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
@@ -194,14 +195,15 @@ def longest_break_away(distances: Array, levels: Array, observations: Sequence[S
 
 
 def _usual(distance: Array, level: Array) -> float:
-    """The median break-away distance of the elements that are not so much softer than the others as a spring is, whose
-    level may be as large as one likes."""
+    """The median break-away distance of the elements that are not so much softer than the others as a spring is, which
+    may hold most of the level. Elements with next to none of it, however stiff, say nothing of what is usual."""
     order = np.argsort(distance)
     distance, level = distance[order], level[order]
     stiff = np.cumsum(level / distance)
     for i in range(1, len(distance)):
         usual = weighted_median(distance[:i], level[:i])
-        if stiff[i - 1] > 0.5 * stiff[-1] and distance[i] > LONGEST_BREAK_AWAY * usual:
+        some = stiff[i - 1] > 0.5 * stiff[-1] and level[:i].sum() > _SOME * level.sum()
+        if some and distance[i] > LONGEST_BREAK_AWAY * usual:
             return usual
     return weighted_median(distance, level)
 

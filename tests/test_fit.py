@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
+from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -114,6 +114,15 @@ def test_starting_values_that_are_given_are_where_the_fit_starts() -> None:
     near = fit(HEALTHY, runs(HEALTHY))
     for label, off in _off(near.plant, HEALTHY).items():
         assert abs(off) < SHARP.get(label, 0.02), label
+
+
+@pytest.mark.parametrize("velocity", [0.05, 0.5, 5.0])
+def test_a_fit_that_ends_above_the_noise_goes_on_from_the_other_starts(velocity: float) -> None:
+    """Of a friction that weakens far below the usual speeds a few steps tell little of which start leads to it."""
+    truth = HEALTHY.replace(GMS.replace(stribeck_velocity=velocity, static=1.15 * LEVEL))
+    found = fit(Plant.axis(J) + effects.GMS(elements=4) + effects.Viscous(), runs(truth))
+    assert found.error < 1.1 * found.floor
+    assert found.plant["gms"].stribeck_velocity == pytest.approx(velocity, rel=0.5)
 
 
 def test_what_is_fixed_stays() -> None:

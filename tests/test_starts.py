@@ -27,6 +27,17 @@ def test_an_element_that_has_become_a_spring_does_not_make_room_for_itself() -> 
             assert total / 3 / lowest <= 1.01 * LONGEST_BREAK_AWAY * usual
 
 
+def test_a_stiff_element_with_next_to_nothing_of_the_level_does_not_hold_the_others() -> None:
+    """They may become as soft as without it, however stiff it is."""
+    seen = observe(runs(HEALTHY), J)
+    shares, stiffness = np.asarray(GMS.values["fraction"]), np.asarray(GMS.values["stiffness"])
+    alone = visible_limits(HEALTHY, seen)["gms.stiffness[0]"][0]
+    for share in (1e-4, 1e-2):
+        for times in (1e2, 1e8):  # as stiff as the others
+            law = GMS.replace(stiffness=[*stiffness, times * stiffness[0]], fraction=[*(1 - share) * shares, share])
+            assert visible_limits(HEALTHY.replace(law), seen)["gms.stiffness[0]"][0] < 1.01 * alone
+
+
 @pytest.mark.parametrize("seconds", [2.0, 5.0])
 def test_friction_is_not_asked_to_settle_over_much_more_than_the_records_last(seconds: float) -> None:
     """It would multiply the level of all of them by one number, a friction of the same shape in other units."""
