@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import formats, units
+from . import formats, timing, units
 from .errors import DataError, listing
 from .record import UNITS, USES
 
@@ -19,7 +19,12 @@ Array = NDArray[np.float64]
 COLUMNS = (*UNITS, "current")
 OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
 _ASKED_FOR = ("reference",)  # a column of that name may be anything
-_UNIT_BEHIND = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # of a column's name
+_IN_BRACKETS = re.compile(r"\s*/?\s*[\[(]([^\[\]()]+)[\])]\s*$")  # "Torque [mNm]", "v / (rad/s)"
+_BEHIND_A_BAR = re.compile(r"(?:_|\s*[/,]\s*)([^\s_,/]+(?:/[a-z]+)?)\s*$")  # "torque_mNm", "M / mNm"
+_WORDS = ("in", "d", "h", "m", "N")  # behind a bar they are more often no units
+_NO_UNITS = ("%", "‰")  # of something that only the user knows
+_MANY = 20  # different whole numbers, which are no radians or metres
+_COARSE = 0.02  # of the stamps of a clock repeat the one before
 _LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 
 
@@ -92,7 +97,7 @@ def pick(
             f"the file does not name its {len(table.columns)} columns; number them from 0, "
             "as in columns = { time = 0, torque = 1, position = 2 }"
         )
-    available = _plainly(table)
+    available = by_name(table, dict(zip(COLUMNS, COLUMNS, strict=True)))
     wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
     if "torque" in chosen and "current" in chosen:
         raise DataError("columns: give torque or current, not both")
@@ -104,28 +109,51 @@ def pick(
     for key in OPTIONAL:
         if available.get(key) in table.columns and key not in chosen and key not in _ASKED_FOR:
             wanted[key] = available[key]
+    expect_found(table, {key: at for key, at in wanted.items() if key not in chosen})
     raw = {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
-    stated = {key: _stated(table, at) for key, at in wanted.items()}
+    stated = {key: stated_unit(table, at, key) for key, at in wanted.items()}
     if rate is not None:
         raw["time"] = np.arange(max(map(len, raw.values()))) / rate
     return raw, {key: unit for key, unit in stated.items() if unit}
 
 
-def _plainly(table: formats.Table) -> dict[str, str]:
-    """Columns of a file by their names in the contract, where they are called that: to the letter, or else in another
-    case or with a unit behind."""
+def by_name(table: formats.Table, words: Mapping[str, str]) -> dict[str, str]:
+    """Columns of a file that are called by one of the words: to the letter, or else in another case or with a unit
+    behind.
+
+    Args:
+        words: what each of them measures, a column of the contract.
+    """
     names = [*table.columns, *table.unusable]
-    plain = [(name, _UNIT_BEHIND.sub("", name).strip().lower()) for name in names]
-    alike = {key: [name for name, word in plain if word == key] for key in COLUMNS}
+    alike = {k: [n for n in names if _parted(n, what)[0].lower() == k] for k, what in words.items()}
     return {k: k if k in names else found[0] for k, found in alike.items() if k in names or len(found) == 1}
 
 
-def _stated(table: formats.Table, at: Any) -> str:
-    """The unit of a column that the file states beside it or in its name, where it is one; else ""."""
+def stated_unit(table: formats.Table, at: Any, what: str) -> str:
+    """The unit of a column that the file states beside it or in its name, as it is written, or ""."""
     name = list(table.columns)[at] if isinstance(at, int) else at
-    behind = _UNIT_BEHIND.search(name)
-    unit = table.units.get(name) or (behind[1].strip() if behind else "")
-    return unit if units.is_unit(unit) else ""
+    unit = (table.units.get(name) or _parted(name, what)[1]).strip(" -")
+    return "" if unit.isdecimal() else unit
+
+
+def _parted(name: str, what: str) -> tuple[str, str]:
+    """A column's name without its unit, and the unit: what stands in brackets, or a unit of `what` behind a bar."""
+    if match := _IN_BRACKETS.search(name):
+        return name[: match.start()].strip(), match[1].strip()
+    match = _BEHIND_A_BAR.search(name)
+    if match and match[1] not in _WORDS and units.measures(match[1], what):
+        return name[: match.start()].strip(), match[1]
+    return name.strip(), ""
+
+
+def expect_found(table: formats.Table, wanted: Mapping[str, str]) -> None:
+    """Raises DataError naming all columns that nobody chose and that are not there, where they are several."""
+    missing = [key for key, at in wanted.items() if at not in table.columns and at not in table.unusable]
+    if len(missing) > 1:
+        choice = ", ".join(f"{key} = ..." for key in missing)
+        rate = "; a file without time takes rate = ... [Hz]" if "time" in missing else ""
+        raise DataError(f"no columns called {', '.join(missing)}; the file has {listing(table.columns)}; name them "
+                        f"with columns = {{ {choice} }}{rate}")
 
 
 def column(table: formats.Table, label: str, at: Any, guessed: str | None = None) -> Array:
@@ -163,18 +191,42 @@ def convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[s
         columns[key] = into_si(columns[key], key, unit.get(key), scale.get(key), joint.kind, joint.resolution)
 
 
-def as_stated(columns: dict[str, Array], stated: Mapping[str, str], joint: Joint) -> str | None:
-    """Raw numbers into SI, in place, by the units that a file states; a sentence where one is not SI already."""
-    said = []
+def as_stated(
+    columns: dict[str, Array], stated: Mapping[str, str], joint: Joint, like: Mapping[str, str] | None = None
+) -> str | None:
+    """Raw numbers into SI, in place, by the units that a file states; a sentence where one is not SI already.
+
+    Args:
+        like: what a column measures where its name does not say it.
+    """
+    said, unknown = [], []
     for key, unit in stated.items():
+        if not units.is_unit(unit) and unit not in _NO_UNITS:
+            unknown.append(f"{unit!r} beside {key}")
+            continue
         try:
-            factor, offset = units.into_si(unit, key, joint.kind, joint.resolution)
+            factor, offset = units.into_si(unit, (like or {}).get(key, key), joint.kind, joint.resolution)
         except DataError as error:
             raise DataError(f"the file states a unit of {key}: {error}; or say otherwise with units or scale") from None
         if (factor, offset) != (1.0, 0.0):
             columns[key] = columns[key] * factor + offset
             said.append(f"{key} in {unit}")
-    return f"units as the file states them: {', '.join(said)}" if said else None
+    told = [f"units as the file states them: {', '.join(said)}"] if said else []
+    told += [f"{', '.join(unknown)} in the file is no unit that is known: taken as SI"] if unknown else []
+    return "; ".join(told) or None
+
+
+def expect_unit(columns: Mapping[str, Array], said: Mapping[str, Any], kind: str, *keys: str) -> None:
+    """Raises DataError where positions of which nobody says the unit are counts of an encoder: whole numbers."""
+    for key in keys:
+        values = columns[key][np.isfinite(columns[key])]
+        if key not in said and not np.any(values % 1) and len(np.unique(values)) >= _MANY:
+            si = "rad" if kind == "hinge" else "m"
+            raise DataError(
+                f"{key} has whole numbers only, from {values.min():g} to {values.max():g}, as an encoder counts; say "
+                f'units = {{ {key} = "counts" }}, scale = {{ {key} = ... }} [{si} per count] or units = {{ {key} = '
+                f'"{si}" }} where that is right'
+            )
 
 
 def into_si(raw: Array, key: str, unit: Any, scale: Any, kind: str, resolution: float | None) -> Array:
@@ -194,28 +246,77 @@ def into_si(raw: Array, key: str, unit: Any, scale: Any, kind: str, resolution: 
     return raw * factor + offset
 
 
-def check(table: formats.Table, columns: Mapping[str, Array]) -> None:
-    """What can be told with the line in the file; Record checks the rest."""
+def trimmed(columns: dict[str, Array]) -> tuple[slice, str | None]:
+    """Leaves out rows at the start and the end that are not all numbers, in place; those left, and a sentence where
+    there are others.
+
+    A logger that stops in the middle of a row, or starts before all its sources do, writes such rows. Those in the
+    middle stay: nobody knows what happened there.
+    """
+    lengths = {len(c) for c in columns.values()}
+    everything = slice(None)
+    if len(lengths) != 1:
+        return everything, None
+    whole = np.flatnonzero(np.all([np.isfinite(c) for c in columns.values()], axis=0))
+    n = lengths.pop()
+    if not len(whole) or len(whole) == n:
+        return everything, None
+    first, last = int(whole[0]), int(whole[-1]) + 1
+    if (first, last) == (0, n) or first + n - last > n // 10:
+        return everything, None
+    for key, value in columns.items():
+        columns[key] = value[first:last]
+    return slice(first, last), f"{first} samples at the start and {n - last} at the end are not all numbers: left out"
+
+
+def without_repeats(columns: dict[str, Array]) -> tuple[NDArray[np.bool_] | slice, str | None]:
+    """Leaves out rows that are the one before once more, as a bus delivers them, in place; those left, and a sentence
+    where there are others.
+
+    Where a time comes twice with other values, or often, the clock is to blame, and the rows stay.
+    """
+    if len({len(c) for c in columns.values()}) != 1:
+        return slice(None), None
+    still = np.diff(columns["time"]) == 0
+    again = np.all([np.diff(c) == 0 for c in columns.values()], axis=0)
+    n = int(again.sum())
+    if not n or n > _COARSE * len(still) or (still & ~again).any():
+        return slice(None), None
+    kept = np.concatenate([[True], ~again])
+    for key, value in columns.items():
+        columns[key] = value[kept]
+    return kept, f"{n} row{' repeats' if n == 1 else 's repeat'} the one before: left out"
+
+
+def check(table: formats.Table, columns: Mapping[str, Array], fewest: int = 16) -> None:
+    """What can be told with the line in the file; Record checks the rest.
+
+    Args:
+        fewest: samples that are needed.
+    """
     lengths = {k: len(v) for k, v in columns.items()}
     if len(set(lengths.values())) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in lengths.items()))
     for key, value in columns.items():
         bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
         if len(bad):
-            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such)")
-    if lengths["time"] < 16:
-        raise DataError(f"{lengths['time']} samples; at least 16 are needed")
+            whole = np.all([np.abs(v) < _LARGEST for v in columns.values()], axis=0)
+            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such); "
+                            + timing.parts(columns["time"], whole))
+    if lengths["time"] < fewest:
+        raise DataError(f"{lengths['time']} samples; at least {fewest} are needed")
     time = columns["time"]
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
-        i = int(back[0])
-        # A clock that is coarser than the samples stands still at many of them.
-        still = time[i] == time[i + 1]
-        hint = "; where the clock is too coarse say rate = ... [Hz], and time is counted" if still else ""
+        i, n = int(back[0]), len(back)
+        if time[i] > time[i + 1]:
+            hint = "where the clock begins anew make it two files, where rows are out of order sort them"
+        elif n > _COARSE * len(time):
+            hint = "where the clock is too coarse say rate = ... [Hz], and time is counted"
+        else:
+            hint = f"leave out the row{'s' * (n > 1)} ({n} such), or say rate = ... [Hz] where time shall be counted"
         where = f"{table.place(i + 1)}: time does not run forward"
-        raise DataError(f"{where} ({time[i]:.9g} s, then {time[i + 1]:.9g} s){hint}")
-    if np.ptp(columns["position"]) == 0:
-        raise DataError("position never changes; nothing can be learnt from a joint that does not move")
+        raise DataError(f"{where} ({time[i]:.9g} s, then {time[i + 1]:.9g} s); {hint}")
 
 
 def expect_known(table: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
@@ -248,6 +349,14 @@ def number(table: Mapping[str, Any], key: str, where: str, unit: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-30 < abs(value) < 1e30:
         raise DataError(f"{where}{key} must be a number other than 0 [{unit}]; {value!r} given")
     return float(value)
+
+
+def rate(entry: Mapping[str, Any]) -> float | None:
+    """Samples per second [Hz] that an entry of `dataset.toml` says, for a file whose time is counted."""
+    value: float | None = number(entry, "rate", "", "Hz")
+    if value is not None and value < 0:
+        raise DataError(f"rate must be positive [Hz]; {value:g} given")
+    return value
 
 
 def subtable(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import columns, files, formats, frf_files, frf_table, plausible, servo_run, timing
-from .columns import expect_known, number, subtable
+from .columns import expect_known, subtable
 from .errors import DataError, listing
 from .frf import FRF
 from .inverse import common_step
-from .measured_axis import Axis, joint_names
+from .measured_axis import ENCODER, Axis, encoder_count, joint_names
 from .record import USES, Record, told_uses
 from .servo_run import CONTROLLERS, ServoRun
 
@@ -167,15 +167,17 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
 def _servo_set(table: Mapping[str, Any], folder: Path, joint: str | None) -> Dataset:
     """The set of a servo that closes its own position loop."""
     axis = subtable(table, "axis")
-    expect_known(axis, ("controller",), "axis.")
+    expect_known(axis, ("controller", *ENCODER), "axis.")
     if axis["controller"] not in CONTROLLERS:
         raise DataError(f"axis.controller must be {listing(CONTROLLERS)}; {axis['controller']!r} given")
     if "frf" in table:
         raise DataError("a servo that closes its own position loop takes no torque: [[frf]] has no place here")
     if joint is not None:
         raise DataError(f"the set is of a servo, not of joints of a robot; joint {joint!r} given")
-    runs, split = servo_run.read_all(tables(table, "record"), folder)
-    notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in runs for note in r.notes))
+    runs, split = servo_run.read_all(tables(table, "record"), folder, encoder_count(axis, "hinge"))
+    said = [f"{r.name}: {note}" for r in runs for note in r.notes]
+    doubt = plausible.clock(runs[0].name, runs[0].sample_time)
+    notes = (*dict.fromkeys(said), *([doubt] if doubt else []))
     return Dataset(folder, (), split=split, notes=notes, servos=runs)
 
 
@@ -245,11 +247,9 @@ def _record(
                     )
         unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
         scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
-        rate = number(entry, "rate", "", "Hz")
-        if rate is not None and rate < 0:
-            raise DataError(f"rate must be positive [Hz]; {rate:g} given")
-        signals, stated = columns.pick(table, chosen, rate)
+        signals, stated = columns.pick(table, chosen, columns.rate(entry))
         stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
+        columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, "position")
         read = columns.as_stated(signals, stated, axis.joint)
         columns.convert(signals, unit, scale, axis.joint)
         for other, at in elsewhere.items():
@@ -273,13 +273,25 @@ def _record(
             kept = timing.within(signals["time"], span)
             signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
             table = table.rows(kept)
-        ends, note = plausible.trimmed(signals)
-        table, notes = table.rows(ends), [read, note]
+        notes = [read]
+        for leave_out in (columns.trimmed, columns.without_repeats):
+            rows, note = leave_out(signals)
+            table = table.rows(rows)
+            notes.append(note)
         columns.check(table, signals)
+        if np.ptp(signals["position"]) == 0:
+            raise DataError("position never changes; nothing can be learnt from a joint that does not move")
         for what in [k for k in signals if k.startswith("position")]:
-            if axis.joint.kind_of(what.removeprefix("position of ")) == "hinge":
-                signals[what], note = plausible.unwrapped(signals[what], what)
-                notes.append(note)
+            other = what.removeprefix("position of ")
+            kind = axis.joint.kind_of(other)
+            count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
+            signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
+            notes.append(note)
+            if (at := plausible.leap(signals[what], count)) is not None:
+                before, after = signals[what][at - 1 : at + 1]
+                si = "rad" if kind == "hinge" else "m"
+                raise DataError(f"{table.place(at)}: {what} leaps from {before:.6g} to {after:.6g} {si} in one sample, "
+                                "as no joint does; leave out what was read wrong, or take what is whole with span")
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
         # Interpolated positions would not show it any more.

@@ -14,7 +14,8 @@ from .errors import DataError, listing
 from .robot import Robot
 
 KINDS = ("hinge", "slide")
-_KEYS = ("kind", "inertia", "encoder_counts_per_rev", "encoder_resolution", "torque_constant", "model", "joint", "pose")
+ENCODER = ("encoder_counts_per_rev", "encoder_resolution")
+_KEYS = ("kind", "inertia", *ENCODER, "torque_constant", "model", "joint", "pose")
 
 
 class Axis:
@@ -94,19 +95,11 @@ class Axis:
 
     def resolution(self, name: str, kind: str) -> float | None:
         """Position of one encoder count of a joint [rad or m]."""
-        given = {k: v for k, v in self._table.items() if k in ("encoder_counts_per_rev", "encoder_resolution")}
+        given = {k: v for k, v in self._table.items() if k in ENCODER}
         if self.robot:
             here = columns.Joint(name, kind, None, self.robot.kinds)
             given = columns.of_joint(given, "axis", here)[0]
-        counts = _positive(given, "encoder_counts_per_rev", "counts")
-        resolution = _positive(given, "encoder_resolution", "rad" if kind == "hinge" else "m")
-        if counts is None:
-            return resolution
-        if kind == "slide":
-            raise DataError("axis.encoder_counts_per_rev is for a hinge; a slide takes encoder_resolution [m]")
-        if resolution is not None:
-            raise DataError("axis: give encoder_counts_per_rev or encoder_resolution, not both")
-        return 2 * math.pi / counts
+        return encoder_count(given, kind)
 
     def has(self, entry: Mapping[str, Any], key: str) -> bool:
         """Whether a [[record]] is for this joint."""
@@ -120,6 +113,19 @@ class Axis:
             if name not in self.names:
                 raise DataError(f"{key}: joint must be among those of the axis, {listing(self.names)}; {name!r} given")
         return self.joint.name in names
+
+
+def encoder_count(axis: Mapping[str, Any], kind: str) -> float | None:
+    """Position of one encoder count [rad or m] of a joint, by the keys `ENCODER`; None where not given."""
+    counts = _positive(axis, "encoder_counts_per_rev", "counts")
+    resolution = _positive(axis, "encoder_resolution", "rad" if kind == "hinge" else "m")
+    if counts is None:
+        return resolution
+    if kind == "slide":
+        raise DataError("axis.encoder_counts_per_rev is for a hinge; a slide takes encoder_resolution [m]")
+    if resolution is not None:
+        raise DataError("axis: give encoder_counts_per_rev or encoder_resolution, not both")
+    return 2 * math.pi / counts
 
 
 def joint_names(axis: Mapping[str, Any]) -> tuple[str, ...]:

@@ -16,7 +16,12 @@ from .record import Record
 
 Array = NDArray[np.float64]
 
-_SLOW = 0.2  # s; nobody controls a joint at longer samples
+_SLOW, _FAST = 0.2, 1e-6  # s; nobody controls a joint at longer samples, or shorter ones
+_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
+_COUNTERS = range(10, 33)  # bits of a counter that runs over
+_WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
+_LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
+_LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
 _OFF = 5.0  # times an inertia: more than a wrong guess
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
@@ -26,41 +31,86 @@ _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is 
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
 
 
-def trimmed(columns: dict[str, Array]) -> tuple[slice, str | None]:
-    """Leaves out rows at the start and the end that are not all numbers, in place; those left, and a sentence where
-    there are others.
+def unwrapped(
+    position: Array, kind: str = "hinge", count: float | None = None, what: str = "position"
+) -> tuple[Array, str | None]:
+    """Position without the jumps of a hinge that has gone round or of a counter that ran over; a sentence where there
+    were any.
 
-    A logger that stops in the middle of a row, or starts before all its sources do, writes such rows. Those in the
-    middle stay: nobody knows what happened there.
+    Args:
+        position: (n,) [rad or m].
+        kind: of the joint.
+        count: position of one encoder count [rad or m], None where unknown.
+        what: how it is called in messages.
+
+    Raises:
+        DataError: it jumps by 360 rad, as degrees do.
     """
-    lengths = {len(c) for c in columns.values()}
-    everything = slice(None)
-    if len(lengths) != 1:
-        return everything, None
-    whole = np.flatnonzero(np.all([np.isfinite(c) for c in columns.values()], axis=0))
-    n = lengths.pop()
-    if not len(whole) or len(whole) == n:
-        return everything, None
-    first, last = int(whole[0]), int(whole[-1]) + 1
-    if (first, last) == (0, n) or first + n - last > n // 10:
-        return everything, None
-    for key, value in columns.items():
-        columns[key] = value[first:last]
-    return slice(first, last), f"{first} samples at the start and {n - last} at the end are not all numbers: left out"
-
-
-def unwrapped(position: Array, what: str = "position") -> tuple[Array, str | None]:
-    """Position of a hinge without jumps by whole revolutions, and a sentence where there were any."""
     step = np.diff(position)
-    jumps = np.abs(step) > math.pi
-    if not jumps.any() or jumps.mean() > 0.1:
+    if not len(step):
         return position, None
-    turns = -np.round(step / (2 * math.pi)) * jumps
-    smooth = position + 2 * math.pi * np.concatenate([[0.0], np.cumsum(turns)])
+    if kind == "hinge":
+        if (jumps := _alone(step, 360.0)).any():
+            raise DataError(f"{what} jumps by 360 rad at {int(jumps.sum())} samples, as degrees do: say units = "
+                            f'{{ {what.split()[0]} = "deg" }}')
+        smooth = _without(position, step, 2 * math.pi)
+        if smooth is not None:
+            jumps = np.abs(step) > math.pi
+            return smooth, f"{what} jumps by a whole revolution at {int(jumps.sum())} samples: unwrapped"
+    for bits in _COUNTERS if count else ():
+        size = float(count or 0.0) * 2**bits
+        if (jumps := _alone(step, size)).any() and (smooth := _without(position, step, size)) is not None:
+            return smooth, (f"{what} jumps by {2**bits} counts at {int(jumps.sum())} samples, as a counter of {bits} "
+                            "bits does: unwrapped")
+    return position, None
+
+
+def _alone(step: Array, size: float) -> NDArray[np.bool_]:
+    """(n,) which steps are one of a size, or none less, between small ones."""
+    small = size / _WRAPS
+    near = np.abs(np.abs(step) - size) < small
+    calm = np.concatenate([[True, True], np.abs(step) < small, [True, True]])
+    return near & calm[1:-3] & calm[:-4] & calm[3:-1] & calm[4:]
+
+
+def _without(position: Array, step: Array, size: float) -> Array | None:
+    """Position without jumps by a size and its multiples; None where there are none, or where it still jumps."""
+    jumps = np.abs(step) > size / 2
+    if not jumps.any() or jumps.mean() > 0.1:
+        return None
+    turns = -np.round(step / size) * jumps
+    smooth = position + size * np.concatenate([[0.0], np.cumsum(turns)])
     # Beside a true wrap the joint goes on as before; anything else is for the user to look at.
     if np.abs(np.diff(smooth)).max() > max(4 * np.quantile(np.abs(step[~jumps]), 0.99), 1e-3):
-        return position, None
-    return smooth, f"{what} jumps by a whole revolution at {int(jumps.sum())} samples: unwrapped"
+        return None
+    return smooth
+
+
+def leap(position: Array, count: float | None = None) -> int | None:
+    """The first sample that no joint can have come to from the one before: a reading that failed, a counter that began
+    anew; None where there is none.
+
+    Between one sample and the next an axis goes little further than between those around them, and never many times as
+    far as in nearly all others.
+    """
+    step = np.diff(position)
+    size = np.abs(step)
+    usual = float(np.quantile(size, 0.99))
+    for i in np.flatnonzero(size > max(_LEAP * usual, _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))).tolist():
+        near = np.arange(max(i - 3, 0), min(i + 4, len(step)))
+        near = near[(near != i) & (step[near] * step[i] >= -(size[i] ** 2) / 2)]  # unless it leaps back
+        if _FAR * size[near].max(initial=0.0) < size[i]:
+            return i + 1
+    return None
+
+
+def clock(name: str, sample_time: float) -> str | None:
+    """A doubt about a sample time [s] that no log of a joint has."""
+    if _FAST < sample_time <= _SLOW:
+        return None
+    likely = next((u for u, size in _CLOCKS.items() if _FAST < size * sample_time <= _SLOW), None)
+    asked = f'; if its time is in {likely}, say units = {{ time = "{likely}" }}' if likely else ""
+    return f"{name}: samples are {sample_time:g} s apart{asked}"
 
 
 def filled(record: Record) -> tuple[Record, int]:
@@ -107,13 +157,17 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     Raises:
         DataError: the torque works against the motion, which no mechanism does.
     """
-    said = []
+    said: list[str] = []
     unit = "kg m^2" if kind == "hinge" else "kg"
     longest = max(records, key=lambda r: r.sample_time)
-    if longest.sample_time > _SLOW:
-        said.append(f"{longest.name}: samples are {longest.sample_time:g} s apart; if its time is in milliseconds, say "
-                    'units = { time = "ms" }')
+    if doubt := clock(longest.name, longest.sample_time):
+        said.append(doubt)
     for r in records:
+        if np.ptp(r.torque) == 0 and r.torque[0]:
+            said.append(f"{r.name}: the torque is {r.torque[0]:.4g} throughout; is it the right column?")
+        if r.resolution and (size := np.ptp(r.position)) < _FEWEST_COUNTS * r.resolution:
+            said.append(f"{r.name}: the position changes by {size / r.resolution:.0f} counts of the encoder in all: no "
+                        "motion that could tell anything of friction")
         if n := filled(r)[1]:
             said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
                         "filled in")

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from . import columns as named
-from . import formats
+from . import formats, timing
 from .columns import expect_known, subtable
 from .errors import DataError, listing
 from .record import USES, told_uses
@@ -39,9 +39,10 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s^2
 CONTROLLERS = ("position",)
-_KEYS = ("file", "use", "episode", "gain", "mass", "length", "columns", "units", "scale")
+_KEYS = ("file", "use", "episode", "rate", "span", "gain", "mass", "length", "columns", "units", "scale")
 _BAM = {"time": "timestamp", "position": "position", "goal": "goal_position", "powered": "torque_enable"}
 _BAM_HEADER = {"mass": "mass", "length": "length", "gain": "kp"}
+_LIKE = {"time": "time", "position": "position", "goal": "position", "powered": ""}  # what a column measures
 _HEADER_UNITS = {"mass": "kg", "length": "m", "gain": "1"}
 _WINDOW = 5  # samples, whose median a reading is compared with
 _GLITCH = 0.15  # rad from that median: no servo gets there and back within four samples
@@ -123,7 +124,9 @@ def repetitions(runs: Sequence[ServoRun]) -> list[list[int]]:
     return out
 
 
-def read_all(entries: Sequence[Mapping[str, Any]], folder: Path) -> tuple[tuple[ServoRun, ...], str]:
+def read_all(
+    entries: Sequence[Mapping[str, Any]], folder: Path, count: float | None = None
+) -> tuple[tuple[ServoRun, ...], str]:
     """The runs of a measurement set, each with its use, and the sentence that tells who decided it.
 
     Where no record says what it is for, every third motion validates, together with its repetitions: one that was
@@ -132,11 +135,12 @@ def read_all(entries: Sequence[Mapping[str, Any]], folder: Path) -> tuple[tuple[
     Args:
         entries: tables of `dataset.toml`.
         folder: of the files that they name.
+        count: position of one count of the encoder [rad], None where unknown.
 
     Raises:
         DataError: a record that cannot be read or understood, or none that is fitted.
     """
-    runs = [_from_entry(f"record {i}", e, folder) for i, e in enumerate(entries, 1)]
+    runs = [_from_entry(f"record {i}", e, folder, count) for i, e in enumerate(entries, 1)]
     if not runs:
         raise DataError("no [[record]]; a measurement set needs at least one")
     if any(e.get("use") for e in entries):
@@ -155,12 +159,13 @@ def read_all(entries: Sequence[Mapping[str, Any]], folder: Path) -> tuple[tuple[
     return tuple(runs), told_uses([r.use for r in runs], said)
 
 
-def _from_entry(key: str, entry: Mapping[str, Any], folder: Path) -> ServoRun:
+def _from_entry(key: str, entry: Mapping[str, Any], folder: Path, count: float | None) -> ServoRun:
     name, use = named.file_and_use(entry, _KEYS, key)
     try:
         layout: dict[str, Any] = {k: subtable(entry, k) for k in ("columns", "units", "scale")}
         header = {k: entry[k] for k in _BAM_HEADER if k in entry}
-        return replace(read_run(folder / name, **layout, episode=entry.get("episode"), **header), use=use)
+        parts: dict[str, Any] = {k: entry.get(k) for k in ("episode", "rate", "span")}
+        return replace(read_run(folder / name, **layout, **parts, count=count, **header), use=use)
     except DataError as error:
         raise DataError(f"{key}: {error}") from None
 
@@ -174,7 +179,8 @@ def to_table(run: ServoRun) -> tuple[dict[str, Array], dict[str, float]]:
 
 def read_run(
     path: str | Path, *, columns: Mapping[str, Any] | None = None, units: Mapping[str, Any] | None = None,
-    scale: Mapping[str, Any] | None = None, episode: int | None = None, **header: float,
+    scale: Mapping[str, Any] | None = None, episode: int | None = None, rate: float | None = None,
+    span: Sequence[float] | None = None, count: float | None = None, **header: float,
 ) -> ServoRun:  # fmt: skip
     """Reads one log: time, goal and position, and whether the bridge is on; a pendulum hangs on the shaft.
 
@@ -187,6 +193,9 @@ def read_run(
         columns: names of its columns by time, goal, position and powered, where they are not called so.
         units, scale: of columns that are not in SI, as in `dataset.toml`.
         episode: which, where a file has several.
+        rate: samples per second, for time that is counted instead of read.
+        span: from when to when [s], of the part that is taken; None: all.
+        count: position of one count of the encoder [rad], for units = { position = "counts" }.
         **header: gain, mass [kg] and length [m], where the file does not say.
 
     Raises:
@@ -198,29 +207,37 @@ def read_run(
     table, values = formats.read(path), _header(path, header)
     try:
         table = table.episode(episode)
-        found = _signals(table, columns or {})
-        for key in {**(units or {}), **(scale or {})}:
+        found, stated = _signals(table, columns or {}, named.rate({"rate": rate}))
+        own = {**(units or {}), **(scale or {})}
+        for key in own:
             if key not in ("time", "goal", "position"):
                 raise DataError(f"units and scale are of time, goal and position; {key!r} given")
-            like = "position" if key == "goal" else key
+        stated = {k: unit for k, unit in stated.items() if k not in own}
+        named.expect_unit(found, {**own, **stated}, "hinge", "goal", "position")
+        read = named.as_stated(found, stated, named.Joint(resolution=count), _LIKE)
+        for key in own:
             given = (units or {}).get(key), (scale or {}).get(key)
-            found[key] = named.into_si(found[key], like, *given, "hinge", None)
+            found[key] = named.into_si(found[key], _LIKE[key], *given, "hinge", count)
+        if span is not None:
+            here = timing.within(found["time"], span)
+            found, table = {k: v[here] for k, v in found.items()}, table.rows(here)
+        kept, left_out = named.trimmed(found)
+        table = table.rows(kept)
+        named.check(table, found, fewest=_FEWEST)
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     time, position, goal, powered = (found[k] for k in _BAM)
-    if len(time) < _FEWEST or not all(np.isfinite(x).all() for x in (time, position, goal, powered)):
-        raise DataError(f"{path}: expected at least {_FEWEST} samples, all finite; {len(time)} given")
-    if np.any(np.diff(time) <= 0):
-        raise DataError(f"{path}: time does not run forward at sample {int(np.argmax(np.diff(time) <= 0)) + 1}")
     usual = signal.medfilt(position, _WINDOW)
     usual[[0, 1, -2, -1]] = position[[0, 1, -2, -1]]  # its ends are padded with zeros
     wrong = np.abs(position - usual) > _GLITCH
-    notes = (f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken",)
+    glitches = f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken"
+    notes = tuple(n for n in (read, left_out, glitches if wrong.any() else None) if n)
     mass, length, gain = (values[k] for k in _BAM_HEADER)
-    name = path.name if episode is None else f"{path.name} episode {episode}"
+    name = path.name + ("" if episode is None else f" episode {episode}")
+    name += "" if span is None else f" {span[0]:g} to {span[1]:g} s"
     return ServoRun(
         name, time - time[0], goal, (powered > 0.5).astype(float), np.where(wrong, usual, position), gain,
-        mass * length**2, GRAVITY * mass * length, notes if wrong.any() else (),
+        mass * length**2, GRAVITY * mass * length, notes,
     )  # fmt: skip
 
 
@@ -239,16 +256,26 @@ def _header(path: Path, given: Mapping[str, Any]) -> dict[str, float]:
     return values
 
 
-def _signals(table: formats.Table, chosen: Mapping[str, Any]) -> dict[str, Array]:
-    """(n,) columns by time, position, goal and powered, raw; power is on where nothing says."""
+def _signals(
+    table: formats.Table, chosen: Mapping[str, Any], rate: float | None
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """(n,) columns by time, position, goal and powered, raw, and the units that the file states for them; power is on
+    where nothing says."""
     expect_known(chosen, tuple(_BAM), "columns.")
-    found: dict[str, Array] = {}
-    for key, usual in _BAM.items():
-        at = chosen.get(key, next((k for k in (key, usual) if k in table.columns or k in table.unusable), None))
-        if at is None and key == "powered":
-            found[key] = np.ones_like(found["time"])
-            continue
-        found[key] = named.column(table, f"columns.{key}", key if at is None else at, None if key in chosen else key)
+    names = {**_LIKE, **{usual: _LIKE[key] for key, usual in _BAM.items()}}
+    available = named.by_name(table, names)
+    wanted = {k: chosen.get(k, available.get(k, available.get(usual))) for k, usual in _BAM.items()}
+    if wanted["powered"] is None:
+        del wanted["powered"]
+    if rate is not None:
+        del wanted["time"]
+    wanted = {k: k if at is None else at for k, at in wanted.items()}
+    named.expect_found(table, {k: at for k, at in wanted.items() if k not in chosen})
+    found = {k: named.column(table, f"columns.{k}", at, None if k in chosen else k) for k, at in wanted.items()}
+    if rate is not None:
+        found["time"] = np.arange(len(found["position"])) / rate
+    found.setdefault("powered", np.ones_like(found["time"]))
     if len({len(x) for x in found.values()}) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {len(x)}" for k, x in found.items()))
-    return found
+    stated = {k: named.stated_unit(table, at, _LIKE[k]) for k, at in wanted.items() if k != "powered"}
+    return found, {k: unit for k, unit in stated.items() if unit}

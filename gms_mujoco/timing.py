@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 HELD = ("torque", "current")  # the drive holds these from one sample to the next
 LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
+_FEWEST, _FEW = 16, 3  # samples of a part of a file that is worth a span, and such parts
 _EVEN = 0.02  # steps that differ by less than this part are even
 
 
@@ -35,6 +36,20 @@ def within(time: Array, span: Any) -> NDArray[np.bool_]:
         whole = f"its time runs from {time[0]:.6g} to {time[-1]:.6g} s"
         raise DataError(f"span = {span}: the file has nothing there; {whole}")
     return np.asarray(~outside)
+
+
+def parts(time: Array, whole: NDArray[np.bool_]) -> str:
+    """How to take what is whole (n,) of a file, with its times (n,) [s]: the end of a message."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], whole & np.isfinite(time), [False]]).astype(int)))
+    runs = [(a, b - 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _FEWEST]
+    if not runs or len(runs) > _FEW:
+        return "every row needs a number in each of these columns"
+    spans = " and ".join(f"span = [{_told(time[a])}, {_told(time[b])}]" for a, b in runs)
+    return f"take what is whole, as in {spans}" + ", a record each" * (len(runs) > 1)
+
+
+def _told(time: float) -> str:
+    return f"{round(time, 6):.15g}"
 
 
 def evenly(
@@ -70,7 +85,7 @@ def evenly(
         raise DataError(
             f"a gap of {step[worst]:.4g} s after {time[worst]:.6g} s, where samples are {h:.4g} s apart; "
             "make it two records there, as in span = "
-            f"[{time[0]:.6g}, {time[worst]:.6g}] and span = [{time[worst + 1]:.6g}, {time[-1]:.6g}]"
+            f"[{_told(time[0])}, {_told(time[worst])}] and span = [{_told(time[worst + 1])}, {_told(time[-1])}]"
         )
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
     even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)
@@ -101,9 +116,11 @@ def _even(time: Array) -> float | None:
 
 
 def _rounding(time: Array, mean: float) -> float | None:
-    """The decimal digit to which all stamps are rounded [s], where it is coarse enough to matter, else None."""
-    for exponent in range(0, -10, -1):
-        digit = 10.0**exponent
+    """The digit to which all stamps are rounded [s], where it is coarse enough to matter, else None.
+
+    Decimal, or binary, as a time in single precision is.
+    """
+    for digit in sorted((*(10.0**-k for k in range(10)), *(2.0**-k for k in range(34))), reverse=True):
         if digit <= 0.5 * mean:  # coarser ones would make stamps coincide
             ticks = time / digit
             if np.abs(ticks - np.round(ticks)).max() < 1e-3:

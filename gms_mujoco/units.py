@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 
 from .errors import DataError, listing
@@ -11,7 +12,7 @@ _REV = 2 * math.pi
 _LBF, _INCH = 4.4482216152605, 0.0254
 COUNTS = ("count", "counts", "inc")  # encoder counts: their size is a property of the axis
 
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
           "rev": _REV, "turn": _REV}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
@@ -40,12 +41,24 @@ _CELSIUS, _FAHRENHEIT = (1.0, 0.0), (5 / 9, -160 / 9)  # factor, offset
 _TEMPERATURE = {"degC": _CELSIUS, "C": _CELSIUS, "K": (1.0, -273.15), "degF": _FAHRENHEIT, "F": _FAHRENHEIT}
 
 
+_AKA = {  # units written out, in lower case, and what else is meant by one alone
+    "s": ("sec", "secs", "second", "seconds"), "ms": ("msec", "millisecond", "milliseconds"),
+    "us": ("usec", "microsecond", "microseconds"), "min": ("minute", "minutes"), "h": ("hour", "hours"),
+    "d": ("day", "days"), "rad": ("radian", "radians"), "deg": ("degree", "degrees", "grad"), "rpm": ("u/min",),
+    "rev": ("revs", "revolution", "revolutions"), "turn": ("turns",), "counts": ("cts", "ticks", "incs", "pulses"),
+    "A": ("amp", "amps", "ampere", "amperes"), "mA": ("milliamp", "milliamps", "milliampere"),
+    "Nm": ("newtonmeter", "newtonmeters", "newtonmetre", "newtonmetres"), "m": ("meter", "meters", "metre", "metres"),
+    "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
+}  # fmt: skip
+_MEANT = {word: unit for unit, words in _AKA.items() for word in (*words, unit) if len(word) > 2} | {"NM": "Nm"}
+
+
 def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[float, float]:
     """Factor and offset that turn a number in `unit` into SI.
 
     Args:
-        unit: as written in `dataset.toml` or in the file; blanks, "*" and "." between its parts do not matter, "µ" is
-            "u" and "°" is "deg".
+        unit: as written in `dataset.toml` or in the file; blanks, "*", "." and "-" between its parts do not matter,
+            "µ" is "u" and "°" is "deg", and many may be written out ("seconds").
         column: the column it belongs to, "position", "torque" ...
         kind: joint kind, "hinge" or "slide".
         count: one encoder count [rad or m], None where unknown.
@@ -79,13 +92,22 @@ def is_unit(text: str) -> bool:
     return spelled.removesuffix("/s") in COUNTS or any(spelled in units for units in known)
 
 
+def measures(unit: str, column: str) -> bool:
+    """Whether it is a unit of a column, of a hinge or of a slide joint."""
+    spelled = _spelled(unit)
+    counted = column in _COUNTED and spelled.endswith("/s") == (column == "velocity")
+    known = any(spelled in _known(column, kind) for kind in ("hinge", "slide"))
+    return known or (counted and spelled.removesuffix("/s") in COUNTS)
+
+
 def _spelled(unit: str) -> str:
-    for mark in (" ", "*", "·", "."):
-        unit = unit.replace(mark, "")
-    return unit.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").replace("°", "deg")
+    unit = re.sub(r"[ *·.]|(?<=[A-Za-z])-(?=[A-Za-z])", "", unit)
+    unit = unit.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").replace("°", "deg")
+    whole = _MEANT.get(unit, _MEANT.get(unit.lower()))
+    return whole or "/".join(_MEANT.get(part, _MEANT.get(part.lower(), part)) for part in unit.split("/"))
 
 
 def _known(column: str, kind: str) -> Mapping[str, tuple[float, float]]:
     if column == "temperature":
         return _TEMPERATURE
-    return {unit: (factor, 0.0) for unit, factor in _TABLES[column][kind == "slide"].items()}
+    return {unit: (factor, 0.0) for unit, factor in _TABLES.get(column, ({}, {}))[kind == "slide"].items()}

@@ -91,7 +91,11 @@ def test_units_become_si(column: str, unit: str, factor: float, tmp_path: Path) 
 HEAD = "Time [ms],Torque (mNm),POSITION [deg]\n"
 
 
-HEADS = (HEAD, "bench 7\nof monday, again\n" + HEAD, "time,torque,position\nms,mNm,\N{DEGREE SIGN}\n")
+HEADS = (
+    HEAD, "bench 7\nof monday, again\n" + HEAD, "time,torque,position\nms,mNm,\N{DEGREE SIGN}\n",
+    "time_ms,torque_mNm,position_deg\n", "time_msec,torque_mN-m,position_degrees\n",
+    "Time / ms,Torque / (mNm),Position / deg\n",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("head", HEADS)
@@ -102,7 +106,7 @@ def test_what_a_header_states_is_read_and_said(head: str, tmp_path: Path) -> Non
     runs = dataset(tmp_path, text)
     assert np.allclose(runs.fit[0].time, 1e-3 * TIME) and np.allclose(runs.fit[0].torque, 1e-3 * RUN["torque"])
     assert np.allclose(runs.fit[0].position, np.radians(RUN["position"]))
-    assert "time in ms, " in runs.notes[0] and "torque in mNm" in runs.notes[0]
+    assert "time in ms" in runs.notes[0] and "torque in mN" in runs.notes[0]
     own = dataset(tmp_path, text + 'units = { torque = "Nm" }\nscale = { position = 1.0 }\n').fit[0]
     assert np.array_equal(own.torque, RUN["torque"]) and np.array_equal(own.position, RUN["position"])
     slide = text.replace("[axis]", '[axis]\nkind = "slide"')
@@ -113,6 +117,23 @@ def test_a_name_in_brackets_that_is_no_unit_does_not_matter(tmp_path: Path) -> N
     text = AXIS + RECORD + 'use = "fit"\ncolumns = { time = "time", torque = "tau [elbow]", position = "position" }\n'
     record = dataset(tmp_path, text, **{"time": TIME, "tau [elbow]": RUN["torque"], "position": RUN["position"]}).fit[0]
     assert np.array_equal(record.torque, RUN["torque"])
+
+
+def test_a_unit_that_nobody_knows_is_said_or_refused(tmp_path: Path) -> None:
+    text = AXIS + RECORD + 'use = "fit"\n'
+    runs = dataset(tmp_path, text, **{"time": TIME, "torque [Mp]": RUN["torque"], "position (rad)": RUN["position"]})
+    assert "'Mp' beside torque in the file is no unit that is known: taken as SI" in runs.notes[0]
+    percent = {"time": TIME, "torque [%]": RUN["torque"], "position": RUN["position"]}
+    refuses(tmp_path, text, "states a unit of torque", "'%'", "scale", **percent)
+    assert len(dataset(tmp_path, text + "scale = { torque = 0.02 }\n", **percent).fit) == 1
+
+
+def test_a_word_behind_a_bar_is_no_unit(tmp_path: Path) -> None:
+    """`position_in` goes in; `time_d` is desired."""
+    columns_ = {"time": TIME, "torque_m": RUN["torque"], "position_in": RUN["position"]}
+    text = AXIS + RECORD + 'use = "fit"\ncolumns = { torque = "torque_m", position = "position_in" }\n'
+    runs = dataset(tmp_path, text, **columns_)
+    assert runs.notes == () and np.array_equal(runs.fit[0].position, RUN["position"])
 
 
 def test_a_rate_counts_time_where_the_file_has_none_or_a_coarse_one(tmp_path: Path) -> None:
@@ -238,6 +259,22 @@ def test_rounded_stamps_get_their_grid_back_and_samples_stay(tmp_path: Path) -> 
     assert np.array_equal(runs.fit[0].position, RUN["position"])
 
 
+def test_a_clock_in_single_precision_gets_its_grid_back(tmp_path: Path) -> None:
+    time = (TIME + 1000).astype(np.float32).astype(float)
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{**RUN, "time": time})
+    assert np.abs(runs.fit[0].time - TIME - 1000).max() < 1e-4 and "rounded" in runs.notes[0]
+    assert np.array_equal(runs.fit[0].position, RUN["position"])
+
+
+def test_a_row_that_comes_twice_is_left_out(tmp_path: Path) -> None:
+    twice = np.sort([*range(N), 70, 120])
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{k: v[twice] for k, v in RUN.items()})
+    assert np.array_equal(runs.fit[0].time, TIME) and "2 rows repeat the one before: left out" in runs.notes[0]
+    other = {k: v[twice] for k, v in RUN.items()}
+    other["torque"][121] += 0.1  # two values of one time
+    refuses(tmp_path, AXIS + RECORD, "line 73", "leave out the rows (2 such)", "rate = ", **other)
+
+
 def test_dropped_samples_are_filled_torque_held(tmp_path: Path) -> None:
     kept = np.delete(np.arange(N), [50, 51, 120])
     runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{k: v[kept] for k, v in RUN.items()})
@@ -252,7 +289,11 @@ def test_dropped_samples_are_filled_torque_held(tmp_path: Path) -> None:
 
 def test_long_gap_is_refused_with_its_time(tmp_path: Path) -> None:
     kept = np.delete(np.arange(N), np.arange(50, 90))
-    refuses(tmp_path, AXIS + RECORD, "gap of 0.041 s after 0.049 s", **{k: v[kept] for k, v in RUN.items()})
+    for start in (0.0, 1.7e9):  # since 1970
+        raw = {**RUN, "time": start + TIME}
+        said = f"span = [{start:.15g}, {start + 0.049:.15g}] and span = [{start + 0.09:.15g}, {start + 0.199:.15g}]"
+        parts = {k: v[kept] for k, v in raw.items()}
+        refuses(tmp_path, AXIS + RECORD, "record 1 (run.csv): a gap of 0.041 s", said, **parts)
 
 
 def test_a_span_takes_a_part_of_a_file_and_leaves_out_what_is_wrong_with_the_rest(tmp_path: Path) -> None:
@@ -290,6 +331,23 @@ def test_the_line_of_a_mistake_is_right_after_rows_were_left_out(tmp_path: Path)
     torque = RUN["torque"].copy()
     torque[[0, 1, 2, 100]] = np.nan
     refuses(tmp_path, AXIS + RECORD, "line 102", "torque is nan", **{**RUN, "torque": torque})
+
+
+def test_spans_around_what_is_missing_are_named_and_serve(tmp_path: Path) -> None:
+    position = RUN["position"].copy()
+    position[80:90] = np.nan
+    raw = {**RUN, "position": position}
+    spans = ("[0, 0.079]", "[0.09, 0.199]")
+    refuses(tmp_path, AXIS + RECORD, "line 82", "(10 such)", *(f"span = {s}" for s in spans), **raw)
+    runs = dataset(tmp_path, AXIS + "".join(f'{RECORD}use = "fit"\nspan = {s}\n' for s in spans), **raw)
+    assert [len(r) for r in runs.fit] == [80, 110]
+    position[::2] = np.nan
+    refuses(tmp_path, AXIS + RECORD, "every row needs a number", **raw)
+
+
+def test_all_missing_columns_are_named_at_once(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD, "columns = { time = ..., position = ..., torque = ... }", "the file has q, t, u",
+            t=TIME, u=TIME, q=TIME)  # fmt: skip
 
 
 def test_missing_column_lists_the_columns(tmp_path: Path) -> None:

@@ -96,8 +96,66 @@ def test_a_position_that_wraps_is_unwrapped(tmp_path: Path) -> None:
     runs = logged(tmp_path, run=turning, position=lambda q: np.mod(q, 2 * np.pi))
     assert np.allclose(np.diff(runs.fit[0].position), np.diff(turning.position), atol=1e-9)
     assert "unwrapped" in runs.notes[0]
-    once = logged(tmp_path, run=turning, position=lambda q: q + 5.0 * (np.arange(len(q)) > 700))
-    assert "unwrapped" not in " ".join(once.notes), "any other jump is the user's"
+    with pytest.raises(DataError, match=r"line 703: position leaps from .* rad in one sample, as no joint does"):
+        logged(tmp_path, run=turning, position=lambda q: q + 5.0 * (np.arange(len(q)) > 700))
+    degrees = {"run": turning, "position": lambda q: np.degrees(np.mod(q, 2 * np.pi))}
+    with pytest.raises(DataError, match=r'jumps by 360 rad .* degrees do: say units = { position = "deg'):
+        logged(tmp_path, **degrees)
+    said = logged(tmp_path, entry='units = { position = "deg" }\n', **degrees)
+    assert np.allclose(np.diff(said.fit[0].position), np.diff(turning.position), atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+def test_a_counter_that_runs_over_is_unwrapped(kind: str, tmp_path: Path) -> None:
+    count = 2 * np.pi / 2**18
+    axis, entry = f'kind = "{kind}"\nencoder_resolution = {count!r}', 'units = { position = "counts" }\n'
+    position = {"position": lambda q: np.mod(np.round(q / count), 2**12)}
+    runs = logged(tmp_path, axis, entry, **position)
+    assert np.allclose(np.diff(runs.fit[0].position), np.diff(RUN.position), atol=1e-9)
+    assert "as a counter of 12 bits does" in " ".join(runs.notes)
+
+
+@pytest.mark.parametrize("wrong", [-9999.0, 30.0])
+@pytest.mark.parametrize("samples", [1, 3])
+def test_a_reading_that_failed_is_refused_with_its_line(wrong: float, samples: int, tmp_path: Path) -> None:
+    where = slice(700, 700 + samples)
+
+    def broken(q: np.ndarray) -> np.ndarray:
+        q = q.copy()
+        q[where] = wrong
+        return q
+
+    with pytest.raises(DataError, match=r"line 702: position leaps"):
+        logged(tmp_path, position=broken)
+
+
+def test_a_quick_move_is_no_leap(tmp_path: Path) -> None:
+    """A second at rest, a move of a radian in the time of four samples, and rest again."""
+    move = np.interp(np.arange(len(RUN)), [1000, 1004], [0.0, 1.0])
+    assert len(logged(tmp_path, position=lambda q: np.round(move, 6)).fit) == 1
+
+
+def test_positions_in_counts_that_nobody_called_counts_are_refused(tmp_path: Path) -> None:
+    counts = {"position": lambda q: np.round(q * 2**18 / (2 * np.pi))}
+    with pytest.raises(DataError, match=r'whole numbers only, .* say units = { position = "counts" }'):
+        logged(tmp_path, **counts)
+    said = logged(tmp_path, f"encoder_counts_per_rev = {2**18}", 'units = { position = "counts" }\n', **counts)
+    assert np.allclose(said.fit[0].position, RUN.position, atol=2e-5)
+
+
+def test_a_torque_that_never_changes_and_an_axis_that_hardly_moves_are_doubted(tmp_path: Path) -> None:
+    same = logged(tmp_path, torque=lambda u: np.full_like(u, 0.1))
+    assert "the torque is 0.1 throughout; is it the right column?" in " ".join(same.notes)
+    still = logged(tmp_path, position=lambda q: 1e-3 * (np.arange(len(q)) % 7 == 0))
+    assert "changes by 1 counts of the encoder in all" in " ".join(still.notes)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 86400, "d")])
+def test_the_unit_that_a_clock_may_have_is_named(factor: float, unit: str, tmp_path: Path) -> None:
+    said = " ".join(logged(tmp_path, time=lambda t: factor * t).notes)
+    assert f'say units = {{ time = "{unit}" }}' in said
+    right = logged(tmp_path, entry=f'units = {{ time = "{unit}" }}\n', time=lambda t: factor * t)
+    assert not right.notes and np.allclose(right.fit[0].time, RUN.time)
 
 
 def test_few_samples_are_called_few(tmp_path: Path) -> None:

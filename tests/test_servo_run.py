@@ -20,8 +20,8 @@ from gms_mujoco.servo_run import read_run, repetitions
         ({"mass": None}, r"mass must be a positive number \[kg\]"),
         ({"kp": True}, r"gain \(kp in the file\) must be a positive number"),
         ({"entries": []}, "no column"),
-        ({"back": True}, "time does not run forward at sample 5"),
-        ({"few": True}, "at least 12 samples"),
+        ({"back": True}, "sample 5: time does not run forward"),
+        ({"few": True}, "8 samples; at least 12"),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_with_the_reason(change, said, tmp_path) -> None:
@@ -76,6 +76,42 @@ def test_a_set_of_servo_logs_is_read_through_dataset_toml(tmp_path) -> None:
     assert np.allclose(swept.time, t) and np.allclose(swept.goal, t) and np.allclose(swept.position, 0.9 * t)
     assert swept.powered.all() and (swept.gain, swept.inertia) == (8, pytest.approx(0.02))
     assert runs.controller == "position" and runs.split == "records: 1 to fit, 1 to validate (as given)"
+
+
+SERVO = '[axis]\ncontroller = "position"\n{}[[record]]\nfile = "log.csv"\ngain = 16\nmass = 0.5\nlength = 0.1\n{}'
+
+
+def table(folder: Path, names: str, *columns: np.ndarray, axis: str = "", more: str = ""):
+    rows = [",".join(map(repr, row)) for row in np.stack(columns, 1).tolist()]
+    (folder / "log.csv").write_text("\n".join([names, *rows]))
+    (folder / "dataset.toml").write_text(SERVO.format(axis, more))
+    return load(folder)
+
+
+def test_a_log_of_a_servo_is_read_with_the_care_of_any_other(tmp_path) -> None:
+    t = 0.01 * np.arange(100)
+    goal, q = np.sign(np.sin(9 * t)), np.sin(9 * t)
+    plain = table(tmp_path, "time,goal,position", t, goal, q, more='use = "fit"\n').fit[0]
+    more = 'use = "fit"\n'
+    units = table(tmp_path, "Time [ms],goal_deg,position_deg", 1e3 * t, np.degrees(goal), np.degrees(q), more=more)
+    ticks = [np.round(2048 + x * 4096 / (2 * np.pi)) for x in (goal, q)]
+    with pytest.raises(DataError, match="position has whole numbers only"):
+        table(tmp_path, "time,goal,position", t, goal, ticks[1])
+    counted = table(tmp_path, "time,goal,position", t, *ticks, axis="encoder_counts_per_rev = 4096\n",
+                    more=more + 'units = { goal = "counts", position = "counts" }\n')  # fmt: skip
+    timed = table(tmp_path, "goal,position", goal, q, more=more + "rate = 100\n")
+    assert "time in ms, " in units.notes[0]
+    for runs, zero in ((units, 0.0), (counted, np.pi), (timed, 0.0)):
+        np.testing.assert_allclose(runs.fit[0].time, plain.time, atol=1e-12)
+        np.testing.assert_allclose(runs.fit[0].position - zero, plain.position, atol=1e-3)
+        np.testing.assert_allclose(runs.fit[0].goal - zero, plain.goal, atol=1e-3)
+    hole = np.where(np.arange(100) == 50, np.nan, q)
+    with pytest.raises(DataError, match=r"line 52: position is nan, .* span = \[0, 0.49\] and span = \[0.51, 0.99\]"):
+        table(tmp_path, "time,goal,position", t, goal, hole)
+    part = table(tmp_path, "time,goal,position", t, goal, hole, more=more + "span = [0.51, 9]\n").fit[0]
+    assert len(part.time) == 49 and part.time[0] == 0 and part.name == "log.csv 0.51 to 9 s"
+    slow = table(tmp_path, "time,goal,position", 1e3 * t, goal, q)
+    assert 'units = { time = "ms" }' in slow.notes[-1]
 
 
 @pytest.mark.parametrize(
