@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 PROGRAM = "gms-mujoco"
 _MOST_ELEMENTS = 32
+_COHERENT = 0.5  # coherence below which a resonance may be noise or friction that has no amplitude of its own there
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -195,6 +196,7 @@ def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
     from .elements import choose_elements
     from .fit import baseline, fit
+    from .undetermined import by_experiment
 
     output = files.expect_writable(options.output)
     count = options.elements
@@ -211,11 +213,11 @@ def _fit(options: argparse.Namespace) -> None:
     result.plant.save(output)
     print(result.status)
     if runs.validate:
-        error = compare(result.plant, runs.validate).error
-        print(f"validate error {error:.4f}" + (" rad" if runs.controller else ""))
+        scores = compare(result.plant, runs.validate)
+        print(f"validate error {scores.score.told(scores.error)}")
     print(result.plant)
-    for name, experiment in result.undetermined.items():
-        print(f"{name} is not determined by these data; what would: {experiment}")
+    for names, experiment in by_experiment(result.undetermined):
+        print(f"not determined by these data: {names}; what would tell: {experiment}")
     print(f"wrote {output}")
 
 
@@ -317,6 +319,9 @@ def _frf(options: argparse.Namespace) -> None:
             size = f"{f.amplitude.min():.3g} to {f.amplitude.max():.3g}"
             resonance = find_resonance(f) if f.input in ("torque", "load") else None
         tuned = "none" if resonance is None else f"{resonance.frequency:.4g}"
+        if resonance and f.coherence is not None:
+            nearest = abs(f.frequency - resonance.frequency).argmin()
+            tuned = tuned if f.coherence[nearest] > _COHERENT else "unclear"
         coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
         print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
               f"{coherence:>9}")

@@ -341,15 +341,27 @@ def find(path: str | Path) -> Path:
 
 def read_toml(file: Path) -> dict[str, Any]:
     """What stands in it; DataError where there is none or it is no TOML."""
+    if file.is_file() and formats.known(file):
+        raise DataError(f"{file}: is a log; expected a measurement set, a folder with {FILE}; {_how(file)}")
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        where = f"{file.parent}: no {FILE} in this folder" if file.name == FILE else f"{file}: no such file or folder"
-        raise DataError(f"{where}; expected a measurement set, a folder with {FILE}") from None
+        if file.name != FILE:
+            where = f"{file}: no such file or folder"
+            raise DataError(f"{where}; expected a measurement set, a folder with {FILE}") from None
+        logs = sorted(f for f in file.parent.glob("*") if formats.known(f))
+        raise DataError(f"{file.parent}: no {FILE} in this folder; expected a measurement set, a folder with {FILE}"
+                        + (f"; {_how(logs[0])}" if logs else "")) from None
     except tomllib.TOMLDecodeError as error:
         raise DataError(f"{file}: not TOML ({error})") from None
     except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{file}: cannot be read ({error})") from None
+
+
+def _how(log: Path) -> str:
+    """How to make a measurement set of a log."""
+    return (f'write one beside it with [[record]] and file = "{log.name}", and columns = {{ time = ..., torque = '
+            "..., position = ... } where they have other names")
 
 
 def tables(table: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:

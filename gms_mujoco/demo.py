@@ -46,7 +46,7 @@ class Demo:
         assert first is not None and last is not None
         return (
             f"{d}\n\nhidden: {self.hidden.name}; found: {found}\n"
-            f"validate error: {first:.4f} with the baseline, {last:.4f} with the final plant "
+            f"validate error: {100 * first:.3g} % with the baseline, {100 * last:.3g} % with the final plant "
             f"({last / d.noise_floor:.2f} times the noise floor)"
         )
 

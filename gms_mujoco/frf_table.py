@@ -33,6 +33,8 @@ _NAMES = {
     "sigma": r"sigma|std|standard deviation",
 }
 RESPONSE, SINE = "response", "sine"  # columns of several responses in one file: its number, and `FRF.sine` as 1 or 0
+_DRIVES = ("torque", "load", "current")
+_LEADS = 0.3  # sine of a phase, more than a measured one errs
 _FEW = 6  # quantities at most in a file that has a line for each
 _LARGEST = 1e30
 
@@ -102,6 +104,9 @@ def from_table(
         raise DataError(f"the response is 0 at {frequency[zero[0]]:g} Hz; no measurement gives that")
     if found.get("phase") == "deg" and np.abs(raw["phase"][0]).max() <= math.pi and np.ptp(raw["phase"][0]) > 1:
         notes.append(f"the phase stays within {np.abs(raw['phase'][0]).max():.2f} deg; is it rad?")
+    if input in _DRIVES and _gives_energy(frequency, response, output):
+        notes.append("the motion leads the torque where it counts, as that of no passive axis does: a response for "
+                     "exp(-i w t) needs another sign of its phase, a torque of the other sign scale = -1")
     where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
     values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
     if "sigma" in values:  # what repeats show comes first
@@ -120,6 +125,13 @@ def from_table(
         said += f", mean of {few if few == many else f'{few} to {many}'} repeats ({rejected} outliers without weight)"
     return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
                sine=None if sine is None else bool(sine.all()), notes=(what, said, *notes), **values)
+
+
+def _gives_energy(frequency: Array, response: Complex, output: str) -> bool:
+    """Whether the position leads the torque where most of it is in quadrature, so that the axis would give energy."""
+    position = response / (2j * math.pi * frequency) ** list(OUTPUTS).index(output)
+    most = position[np.abs(position.imag).argmax()]
+    return bool(most.imag > _LEADS * abs(most))
 
 
 def parts(table: Table, chosen: Any = None) -> list[tuple[str, Table]]:

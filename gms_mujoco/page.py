@@ -13,6 +13,8 @@ from . import figure
 from .figure import Band, Curve
 from .noise_band import Z
 from .plant import Plant
+from .score import POSITION, TORQUE
+from .undetermined import TELLS, by_experiment
 
 if TYPE_CHECKING:
     from .compare import Comparison, RecordComparison
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
 Shown = Sequence[tuple[str, "Comparison", str]]  # name, comparison and colour of each model on a figure
 
+_UNITS = {"bandwidth": "Hz", "clock_skew": "s"}  # of what stands in a provenance
 NOISE = "99 % of sensor noise"
 _OPEN = 3  # records that are shown unfolded
 _TELLING = 3  # views by their share of the residual that are shown unfolded, beside those that always are
@@ -106,8 +109,24 @@ def parameters(plant: Plant, title: str) -> str:
 def provenance(plant: Plant) -> str:
     if not plant.provenance:
         return ""
-    rows = [(escape(k.replace("_", " ")), escape(said(v))) for k, v in plant.provenance.items()]
+    rows = [(escape(k), escape(v)) for k, v in origin(plant)]
     return f"<section><h2>Where the numbers come from</h2>{table((), rows)}</section>"
+
+
+def origin(plant: Plant) -> list[tuple[str, str]]:
+    """The provenance of a plant as people write it, with units."""
+    out = dict(plant.provenance)
+    score = POSITION if out.pop("error_of", None) else TORQUE
+    for key in ("error", "noise_floor"):
+        if key in out:
+            out[key] = score.told(out[key])
+    for key, unit in _UNITS.items():
+        if key in out:
+            out[key] = f"{said(out[key])} {unit}"
+    if isinstance(open_ := out.pop("undetermined", None), list | tuple):
+        told = dict(str(x).partition(TELLS)[::2] for x in open_)
+        out["undetermined"] = "; ".join(f"{names}{TELLS}{what}" for names, what in by_experiment(told))
+    return [(k.replace("_", " "), said(v)) for k, v in out.items()]
 
 
 def said(value: Any) -> str:

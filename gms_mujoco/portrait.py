@@ -15,7 +15,7 @@ from . import drawing, files
 from .drawing import draw
 from .figure import COLOURS, Curve, prefixed
 from .motion import break_away_distance, virgin_curve
-from .page import said
+from .page import origin
 from .plant import Plant
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
             show("turn", "one slow revolution", curves, "position", angle, "torque of the drive", torque)
         lines = ["# " + ", ".join(e.name for e in plant.effects), "", "| parameter | value | 95 % interval | unit |"]
         lines += ["|---|---|---|---|", *(f"| {' | '.join(row)} |" for row in plant.rows()), ""]
-        lines += [f"**{key.replace('_', ' ')}:** {said(value)}\n" for key, value in plant.provenance.items()]
+        lines += [f"**{key}:** {value}\n" for key, value in origin(plant)]
         stream.log("parameters/text", rr.TextDocument("\n".join(lines), media_type="text/markdown"), static=True)
         text = rrb.TextDocumentView(origin="parameters/text", name="parameters")
         whole = (

@@ -168,7 +168,8 @@ def _candidates(facts: dict[str, Any]) -> str:
     rows = [[escape(c["effect"]), told(c.get("validate_error")), number(c.get("p_value"))] for c in ranked]
     return (
         "<section><h2>Effects that were tried and not added</h2><p>p value: how easily chance alone would lower the "
-        "error on held-out blocks as much.</p>"
+        "error on held-out blocks as much. A small one alone adds no effect: near the noise floor, or where it would "
+        "take little of the error, none is added.</p>"
         f"{table(('effect', 'validate error', 'p value'), rows, (1, 2))}</section>"
     )
 

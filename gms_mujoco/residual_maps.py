@@ -173,8 +173,11 @@ def where(
         return "the records are too short to say where the residual stands"
     out, bins = sum(int(m.outside.sum()) for m in means), sum(len(m.mean) for m in means)
     best = max(means, key=lambda m: m.share + (_PERIODIC if m.name == "revolution" else 0.0))
-    if out <= _FEW * bins or (excess < _AT_FLOOR and best.share < _NOTABLE):
-        return f"the residual stays within its noise band ({out} of {bins} bins outside, {0.01 * bins:.0f} by chance)"
+    counted = f"({out} of {bins} bins outside, {0.01 * bins:.0f} by chance)"
+    if out <= _FEW * bins:
+        return f"the residual stays within its noise band {counted}"
+    if excess < _AT_FLOOR and best.share < _NOTABLE:
+        return f"the residual is at its noise floor and leaves the band by little {counted}"
     line = next((m for m in views if m.name == "frequency" and m.share > _LINE), None)
     if offset_share > max(best.share, _NOTABLE):
         most = f"mostly as an offset of {offset:.3g} {unit} ({100 * offset_share:.0f} % of its square)"

@@ -8,6 +8,7 @@ import math
 import os
 import signal
 import subprocess
+import warnings
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from .figure import Curve
 _ROBOT, _FRICTION, _VALUES, _LOOP = "robot", "friction", "values", "loop"
 _DRAWN, _KEPT = 100, 4000  # looks from one drawing of the loops to the next, and that they remember
 _MOST_TABS = 12  # joints: more tabs cannot be read
+_STILL = 1e-6  # rad or m: less is no motion
 _AWAY = 1.2  # sizes of the model, of the camera
 _CORNER = rrb.Corner2D.RightTop
 # Joints and elements; told apart by the colour-blind too.
@@ -248,10 +250,15 @@ def record_motion(path: str | Path, model: mujoco.MjModel, seconds: float) -> No
         stream.save(temporary)
         scene = Scene(model, data, stream, owned=True)
         scene()
+        begin, furthest = data.qpos.copy(), 0.0
         while data.time < seconds:
             mujoco.mj_step(model, data)
             scene()
+            furthest = max(furthest, float(np.abs(data.qpos - begin).max(initial=0.0)))
         scene.close()
+    if seconds and furthest < _STILL:
+        warnings.warn("nothing moves: the model stands where it is let go; give it a keyframe from which it falls "
+                      "(gms_mujoco.view.stream shows a simulation of yours)", stacklevel=2)
 
 
 def end(process: subprocess.Popen[bytes]) -> None:

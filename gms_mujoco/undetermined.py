@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from .effect import Effect
 from .frf_observation import FrfObservation, Seen
 from .plant import Plant
 
+TELLS = "; what would tell it: "  # between a parameter and its experiment in a provenance
 _UNKNOWN = 10.0  # an interval whose ends differ by this factor says nothing
 _SHARE = 0.02  # of the stiffness of all elements, above which one that never slips is worth a word
 _BARELY = 0.9  # of the largest motion: an element that slips only beyond shows no level of its own
@@ -121,3 +122,20 @@ def left_open(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[flo
             low, high = known[name]
             out[name] = (min(low, carried), 1.0) if stuck[i] else (0.0, max(high, carried))
     return {k: (float(low), float(high)) for k, (low, high) in out.items()}
+
+
+def by_experiment(found: Mapping[str, str]) -> list[tuple[str, str]]:
+    """What a fit could not tell, a line for each experiment that would: the names together, and the experiment.
+
+    Args:
+        found: experiment by name, as `undetermined` gives them.
+    """
+    names: dict[str, list[str]] = {}
+    for name, experiment in found.items():
+        stem, bracket, place = name.partition("[")
+        group = names.setdefault(experiment, [])
+        if bracket and group and group[-1].startswith(f"{stem}["):
+            group[-1] = f"{group[-1][:-1]}, {place}"  # "gms.fraction[0, 3]"
+        else:
+            group.append(name)
+    return [(", ".join(group), experiment) for experiment, group in names.items()]

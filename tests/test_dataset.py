@@ -441,6 +441,10 @@ def test_folder_without_dataset_toml_is_named(tmp_path: Path) -> None:
         load(tmp_path)
     with pytest.raises(DataError, match=r"nowhere: no such file or folder"):
         load(tmp_path / "nowhere")
+    formats.write(tmp_path / "bench.csv", RUN)
+    for given_, said in ((tmp_path, "no dataset.toml in this folder"), (tmp_path / "bench.csv", "bench.csv: is a log")):
+        with pytest.raises(DataError, match=said + r'.* one beside it with \[\[record\]\] and file = "bench.csv"'):
+            load(given_)
 
 
 values = st.recursive(

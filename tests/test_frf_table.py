@@ -141,6 +141,18 @@ def test_several_responses_in_a_file_come_back_each_with_what_it_has(tmp_path: P
             load(tmp_path)
 
 
+def test_a_response_that_would_give_energy_is_doubted(tmp_path: Path) -> None:
+    """Conjugate, or of a torque with the other sign; a delay alone makes none of that."""
+    late = G * np.exp(-2j * np.pi * F * 1e-3)
+    for response, doubted in ((G, False), (late, False), (G.conj(), True), (-G, True)):
+        for power, output in ((0, "position"), (1, "velocity")):
+            h = response * (2j * np.pi * F) ** power
+            text = rows("f [Hz],real,imag", F, h.real, h.imag)
+            (tmp_path / "level.csv").write_text(text)
+            (tmp_path / "dataset.toml").write_text(ENTRY.format("level.csv").replace("position", output))
+            assert ("passive" in " ".join(load(tmp_path).frfs[0].notes)) is doubted
+
+
 def test_what_stands_at_0_hz_is_left_out(tmp_path: Path) -> None:
     for first in ("0,-inf,0", "0,nan,nan", "0,0,0"):
         text = rows("f [Hz],magnitude [dB],phase [deg]", F, 20 * np.log10(MAG), np.degrees(ARG))

@@ -9,6 +9,7 @@ import pytest
 from told import Told, tell
 
 from gms_mujoco import page, report
+from gms_mujoco.plant import Plant
 
 
 @pytest.fixture(scope="module")
@@ -54,3 +55,14 @@ def test_a_diagnosis_without_validate_records_has_a_page(told: Told) -> None:
     table = {**told.table, "steps": [{**s, "validate_error": None} for s in told.table["steps"]]}
     text = report.render(replace(told, comparisons=(), table=table))
     assert "none was held out" in text and "Where it fails" not in text
+
+
+def test_where_numbers_come_from_is_told_with_units() -> None:
+    fitted = {"bandwidth": 100.0, "error": 0.0476, "noise_floor": 0.001, "clock_skew": 2e-5}
+    fitted["undetermined"] = [f"gms.fraction[{i}]; what would tell it: sines" for i in (0, 2)]
+    told = dict(page.origin(Plant(1.0, provenance=fitted)))
+    assert told["undetermined"] == "gms.fraction[0, 2]; what would tell it: sines"
+    assert [told[k] for k in ("bandwidth", "error", "noise floor")] == ["100 Hz", "4.76 %", "0.1 %"]
+    assert told["clock skew"] == "2e-05 s"
+    servo = dict(page.origin(Plant(1.0, provenance={"error": 1e-3, "error_of": "position, mean absolute [rad]"})))
+    assert servo == {"error": "1 mrad"}

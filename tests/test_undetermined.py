@@ -15,7 +15,7 @@ from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.sweep import stepped_sine
-from gms_mujoco.undetermined import left_open, never_slips, undetermined
+from gms_mujoco.undetermined import by_experiment, left_open, never_slips, undetermined
 
 J, LEVEL = 2.4e-5, 4.5e-3
 GMS = effects.GMS(
@@ -85,3 +85,8 @@ def test_an_element_that_never_slipped_is_told_from_no_spring() -> None:
     assert never_slips(AXIS, large) == ""
     assert "the spring" in never_slips(AXIS + effects.Spring(stiffness=0.1), small)
     assert undetermined(AXIS) == {}  # nothing was fitted
+
+
+def test_what_one_experiment_would_tell_stands_in_one_line() -> None:
+    found = {"gms.fraction[0]": "a", "gms.fraction[3]": "a", "gms.coulomb": "b", "inertia": "b", "viscous[1]": "a"}
+    assert by_experiment(found) == [("gms.fraction[0, 3], viscous[1]", "a"), ("gms.coulomb, inertia", "b")]

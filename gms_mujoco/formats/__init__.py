@@ -95,6 +95,11 @@ def suffixes() -> dict[str, ModuleType]:
     return {suffix: m for m in modules if hasattr(m, "SUFFIXES") for suffix in m.SUFFIXES}
 
 
+def known(path: str | Path) -> bool:
+    """Whether a file is of a format by its suffix."""
+    return Path(path).name.lower().endswith(tuple(suffixes()))
+
+
 def find(path: str | Path) -> ModuleType:
     """The format of a file by its suffix; raises DataError naming those that exist."""
     name = Path(path).name.lower()
