@@ -175,9 +175,7 @@ def _servo_set(table: Mapping[str, Any], folder: Path, joint: str | None) -> Dat
     if joint is not None:
         raise DataError(f"the set is of a servo, not of joints of a robot; joint {joint!r} given")
     runs, split = servo_run.read_all(tables(table, "record"), folder, encoder_count(axis, "hinge"))
-    said = [f"{r.name}: {note}" for r in runs for note in r.notes]
-    doubt = plausible.clock(runs[0].name, runs[0].sample_time)
-    notes = (*dict.fromkeys(said), *([doubt] if doubt else []))
+    notes = tuple(dict.fromkeys(f"{r.name}: {note}" for r in runs for note in r.notes))
     return Dataset(folder, (), split=split, notes=notes, servos=runs)
 
 
@@ -279,6 +277,8 @@ def _record(
             table = table.rows(rows)
             notes.append(note)
         columns.check(table, signals)
+        if not {"time", "rate"} & {*unit, *scale, *stated, *entry}:
+            timing.expect_clock(signals["time"])
         if np.ptp(signals["position"]) == 0:
             raise DataError("position never changes; nothing can be learnt from a joint that does not move")
         for what in [k for k in signals if k.startswith("position")]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from . import timing
 from .errors import DataError
 from .inverse import Observation
 from .plant import Plant
@@ -16,8 +17,6 @@ from .record import Record
 
 Array = NDArray[np.float64]
 
-_SLOW, _FAST = 0.2, 1e-6  # s; nobody controls a joint at longer samples, or shorter ones
-_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
 _COUNTERS = range(10, 33)  # bits of a counter that runs over
 _WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
@@ -104,15 +103,6 @@ def leap(position: Array, count: float | None = None) -> int | None:
     return None
 
 
-def clock(name: str, sample_time: float) -> str | None:
-    """A doubt about a sample time [s] that no log of a joint has."""
-    if _FAST < sample_time <= _SLOW:
-        return None
-    likely = next((u for u, size in _CLOCKS.items() if _FAST < size * sample_time <= _SLOW), None)
-    asked = f'; if its time is in {likely}, say units = {{ time = "{likely}" }}' if likely else ""
-    return f"{name}: samples are {sample_time:g} s apart{asked}"
-
-
 def filled(record: Record) -> tuple[Record, int]:
     """The record with positions in the place of readings that were held, and how many were.
 
@@ -159,15 +149,14 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     """
     said: list[str] = []
     unit = "kg m^2" if kind == "hinge" else "kg"
-    longest = max(records, key=lambda r: r.sample_time)
-    if doubt := clock(longest.name, longest.sample_time):
-        said.append(doubt)
     for r in records:
+        if doubt := timing.clock(r.time):
+            said.append(f"{r.name}: {doubt}")
         if np.ptp(r.torque) == 0 and r.torque[0]:
             said.append(f"{r.name}: the torque is {r.torque[0]:.4g} throughout; is it the right column?")
-        if r.resolution and (size := np.ptp(r.position)) < _FEWEST_COUNTS * r.resolution:
-            said.append(f"{r.name}: the position changes by {size / r.resolution:.0f} counts of the encoder in all: no "
-                        "motion that could tell anything of friction")
+        if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
+            said.append(f"{r.name}: the position changes by less than {_FEWEST_COUNTS:g} counts of the encoder in all: "
+                        "no motion that could tell anything of friction")
         if n := filled(r)[1]:
             said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
                         "filled in")

@@ -224,6 +224,8 @@ def read_run(
         kept, left_out = named.trimmed(found)
         table = table.rows(kept)
         named.check(table, found, fewest=_FEWEST)
+        if rate is None and "time" not in {**own, **stated}:
+            timing.expect_clock(found["time"])
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     time, position, goal, powered = (found[k] for k in _BAM)

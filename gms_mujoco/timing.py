@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 HELD = ("torque", "current")  # the drive holds these from one sample to the next
 LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
 _FEWEST, _FEW = 16, 3  # samples of a part of a file that is worth a span, and such parts
+_SLOW, _FAST = 0.2, 1e-6  # s; nobody controls a joint at longer samples, or shorter ones
+_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
 _EVEN = 0.02  # steps that differ by less than this part are even
 
 
@@ -36,6 +38,22 @@ def within(time: Array, span: Any) -> NDArray[np.bool_]:
         whole = f"its time runs from {time[0]:.6g} to {time[-1]:.6g} s"
         raise DataError(f"span = {span}: the file has nothing there; {whole}")
     return np.asarray(~outside)
+
+
+def clock(time: Array) -> str | None:
+    """A doubt about times (n,) [s] that no log of a joint has."""
+    step = float(np.median(np.diff(time)))
+    if _FAST < step <= _SLOW:
+        return None
+    likely = next((u for u, size in _CLOCKS.items() if _FAST < size * step <= _SLOW), None)
+    asked = f'; if its time is in {likely}, say units = {{ time = "{likely}" }}' if likely else ""
+    return f"samples are {step:g} s apart{asked}"
+
+
+def expect_clock(time: Array) -> None:
+    """Raises DataError for a doubt about times (n,) [s] of which nobody says the unit."""
+    if doubt := clock(time):
+        raise DataError(f'{doubt}, or units = {{ time = "s" }} where that is right')
 
 
 def parts(time: Array, whole: NDArray[np.bool_]) -> str:
