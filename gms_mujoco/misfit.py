@@ -364,7 +364,8 @@ class Misfit:
         for i, label in enumerate(self.coordinates.labels):
             if label in limits:
                 linear = self.coordinates.is_linear[i]
-                lower[i], upper[i] = limits[label] if linear else np.log(limits[label])
+                with np.errstate(divide="ignore"):  # a bound of 0 is none for a logarithm
+                    lower[i], upper[i] = limits[label] if linear else np.log(limits[label])
         return lower, upper
 
     @cached_property

@@ -50,7 +50,7 @@ def observe(
             torque; None: from a first reading of the responses.
 
     Raises:
-        DataError: there is nothing to look at, or no response can be used and why.
+        DataError: there is nothing to look at, nothing that moves, or no response can be used and why.
     """
     servos = [d for d in data if isinstance(d, ServoRun)]
     if servos:
@@ -69,6 +69,9 @@ def observe(
         if refused:
             raise refused[0]
         raise DataError('no records to look at; a measurement set needs at least one with use = "fit"')
+    if plant is None and records and not frfs and not any(np.ptp(r.position) for r in records):
+        names = ", ".join(r.name for r in records)
+        raise DataError(f"{names}: the position never changes; nothing can be learnt from a joint that does not move")
     if records:
         bandwidth = bandwidth or choose_bandwidth(records, inertia)
     seen: list[Seen] = [Observation(r, bandwidth) for r in records] if bandwidth else []

@@ -431,6 +431,14 @@ def test_an_axis_that_never_moves_or_is_never_driven_is_refused(tmp_path: Path) 
     refuses(tmp_path, AXIS + RECORD, "torque is zero", **{**RUN, "torque": np.zeros(N)})
 
 
+def test_records_to_fit_that_do_not_move_are_refused(tmp_path: Path) -> None:
+    """The axis sets out after the part that fits."""
+    position = np.maximum(TIME - 0.15, 0.0)
+    runs = dataset(tmp_path, AXIS + RECORD, **{**RUN, "position": position})
+    with pytest.raises(DataError, match=r"run.csv \(first 60 %\): the position never changes"):
+        fit(baseline(runs.inertia), runs.fit)
+
+
 def test_columns_of_different_length_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", time=TIME, torque=TIME[:50], position=TIME)
     refuses(tmp_path, AXIS + '[[record]]\nfile = "run.npz"\n', "torque has 50")
