@@ -36,6 +36,7 @@ _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
 _FURTHER = 2.0  # times as late an element may slip where amplitudes tell when it does
 _FINEST = 0.3  # of their smallest amplitude
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
+_AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
 _LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
 
@@ -174,7 +175,7 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
         # An element that starts small would become a spring as its share grows.
         softer = (np.maximum(level, level.mean()) if latest < largest else level) / latest
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
-    limits["gms.attraction"] = (0.1 * total / duration, total / step, float(np.asarray(gms.attraction)))
+    limits["gms.attraction"] = (0.1 * total / duration, _AT_ONCE * total / step, float(np.asarray(gms.attraction)))
     if len(frfs) == len(observations):  # a level that no torque reached is not seen
         hardest = float(max(np.abs(o.torque).max() for o in frfs))
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))

@@ -125,6 +125,13 @@ def test_a_fit_that_ends_above_the_noise_goes_on_from_the_other_starts(velocity:
     assert found.plant["gms"].stribeck_velocity == pytest.approx(velocity, rel=0.5)
 
 
+def test_friction_that_follows_its_level_at_once_is_fitted_to_the_floor() -> None:
+    """Elements that are cut off at the level, as in many a simulation, follow it within a sample."""
+    soft = GMS.replace(stiffness=[0.5, 0.05], static=1.4 * LEVEL, attraction=100 * LEVEL / SAMPLE_TIME)
+    found = fit(UNKNOWN, runs(HEALTHY.replace(soft)))
+    assert found.error < 1.1 * found.floor
+
+
 def test_what_is_fixed_stays() -> None:
     wrong = UNKNOWN.replace(effects.Viscous(coefficient=5e-5))
     found = fit(wrong, runs(HEALTHY), fixed=["viscous.coefficient"])

@@ -150,6 +150,24 @@ def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
     assert torque[3] == pytest.approx(0.8 * FC - 0.999e-3)
 
 
+@pytest.mark.parametrize("attraction", [1e-6, 1.0, 1e6])
+def test_what_an_element_carries_beyond_the_level_of_its_speed_relaxes_while_it_unwinds(attraction):
+    """It rests at the static level and turns back faster than its spring unwinds: it neither keeps that nor slips back."""
+    law = effects.GMS(
+        stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FS, stribeck_velocity=VS, attraction=attraction
+    )
+    back, duration = 2e-4, 1e-4
+    for parts in (1, 10):
+        t = np.concatenate([[0, 1e3], 1e3 + duration * np.arange(1, parts + 1) / parts])
+        q = np.concatenate([[0, 0.02], 0.02 - back * np.arange(1, parts + 1) / parts])
+        rests, *_, turned = -(Plant.axis() + law).joint().replay(t, q, np.gradient(q, t)).torque[1:]
+        level = FC + (FS - FC) * np.exp(-back / duration / VS)
+        assert rests == pytest.approx(FS, rel=1e-3)
+        at_once = level + (rests - back - level) * np.exp(-attraction * duration / level)
+        # In several steps the spring also unwinds what has relaxed before.
+        assert turned == pytest.approx(at_once, abs=1e-9 if parts == 1 else 1.0 * back)
+
+
 @pytest.mark.parametrize("parts", [1, 3, 10])
 def test_a_load_that_falls_after_a_reversal_does_not_break_an_element_away(parts):
     """It falls with the level and then unwinds as a spring, whatever the step."""

@@ -31,9 +31,7 @@ double keep(int n, const double* state, double* next) {
 }
 
 // The Stribeck curve and what is left of a difference to it, at the mean velocity of the interval.
-inline double level_of(const double* c, const Motion& m, const Level& at) {
-  return gms::stribeck_level(m, c[0], c[1], c[2], c[3]) * at.at(m.displacement);
-}
+inline double curve_of(const double* c, const Motion& m) { return gms::stribeck_level(m, c[0], c[1], c[2], c[3]); }
 inline double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
@@ -41,19 +39,27 @@ inline double left_of(const double* c, const Motion& m, double level) {
 // What the elements of a joint need to know of an interval in which it has moved.
 struct Way {
   double direction, distance;
-  double lowest;       // what an element may carry against the motion, of its fraction; below 0
-  bool slips_back;     // whether what falls below that slips
-  double level, left;  // most that it carries along the motion, of its fraction; what has not decayed of a difference to it
+  double along, against;  // multipliers of the level along the motion, and of what is carried against it
+  double lowest;          // what is carried at most against it, at rest, of the fraction; below 0
+  bool gives_way;         // whether an element with more slips
+  double level, carried;  // the same at its speed, along the motion and against it
+  double left;            // of a difference to that, what has not decayed
+
+  void follow(double curve, double remains) {
+    level = curve * along;
+    carried = -curve * against;
+    left = remains;
+  }
 };
 
-// But for level and left, which are dear.
+// But for what the Stribeck curve says, which is dear.
 inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   const bool back = m.displacement < 0;
   const double scale = back ? at.backward : at.forward, other = back ? at.forward : at.backward;
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
-  const double lowest = -p[2 * n + 1] * (at.drops ? scale : other);
-  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), lowest,
-          at.stiffens && scale < other, 0, 0};
+  const double against = at.drops ? scale : other;
+  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, against,
+          -p[2 * n + 1] * against, at.stiffens && scale < other, 0, 0, 0};
 }
 
 // Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
@@ -64,17 +70,18 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
     const double before = x.direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
-    const double limit = fraction[i] * x.level, lowest = fraction[i] * x.lowest, stuck = before + stiffness[i] * x.distance;
+    const double limit = fraction[i] * x.level, carried = fraction[i] * x.carried;
+    const double lowest = fraction[i] * x.lowest, stuck = before + stiffness[i] * x.distance;
     // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
     // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
-    // before falls to what friction now lets it carry, and it sticks at that: whether a limit that drops, as with the load,
-    // overtakes a force that unwinds is a matter of noise and of the step. Where it comes to a direction in which it is
-    // weaker as a whole it gives way instead.
+    // before falls to what friction now lets it carry at rest and relaxes to what it would while sliding, and it sticks:
+    // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
+    // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
     const bool goes_on = slip == x.direction, below = stuck < lowest;
-    const bool slips = goes_on | (stuck > limit) | (x.slips_back & below);
-    const double least = below ? lowest - limit : 0, beyond = before - limit;
-    const double over = goes_on | (beyond > least) ? beyond : least;
-    next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : below ? lowest : stuck);
+    const bool slips = goes_on | (stuck > limit) | (x.gives_way & below);
+    const double least = below ? lowest - limit : 0, beyond = before - limit, held = below ? lowest : stuck;
+    const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
+    next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
     next[2 * i + kSlip] = slips ? x.direction : 0;
   }
   double total = 0;
@@ -87,15 +94,14 @@ template <bool kPlain>  // nothing scales the level: compilers leave out all tha
 inline void each(const double* const* p, int n, int count, const Motion* m, const Level* level, int at,
                  const double* const* state, double* const* next, double* out) {
   const auto of = [level](int j) { return kPlain ? Level() : level[j]; };
-  double most[gms::kTogether], left[gms::kTogether];
-  for (int j = 0; j < count; j++) most[j] = level_of(p[j] + 2 * n, m[j], of(j));
-  for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], most[j]);
+  double curve[gms::kTogether], left[gms::kTogether];
+  for (int j = 0; j < count; j++) curve[j] = curve_of(p[j] + 2 * n, m[j]);
+  for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], curve[j] * of(j).at(m[j].displacement));
   for (int j = 0; j < count; j++) {
     const double* from = state[j] + at;
     double* to = next[j] + at;
     Way way = way_of(p[j], n, m[j], of(j));
-    way.level = most[j];
-    way.left = left[j];
+    way.follow(curve[j], left[j]);
     out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way, from, to);
   }
 }
@@ -119,8 +125,10 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
     known[j] = j > 0 && level[j].at(m.displacement) == level[j - 1].at(m.displacement);
     for (int i = 2 * n; known[j] && i < 2 * n + kCurve; i++) known[j] = p[j][i] == p[j - 1][i];
   }
-  for (int j = 0; j < count; j++) way[j].level = known[j] ? way[j - 1].level : level_of(p[j] + 2 * n, m, level[j]);
-  for (int j = 0; j < count; j++) way[j].left = known[j] ? way[j - 1].left : left_of(p[j] + 2 * n, m, way[j].level);
+  double curve[gms::kTogether], left[gms::kTogether];
+  for (int j = 0; j < count; j++) curve[j] = known[j] ? curve[j - 1] : curve_of(p[j] + 2 * n, m);
+  for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, curve[j] * way[j].along);
+  for (int j = 0; j < count; j++) way[j].follow(curve[j], left[j]);
   for (int j = 0; j < count; j++) out[j] = move(p[j], n, way[j], state[j], next[j]);
 }
 
@@ -129,14 +137,14 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
   const double *stiffness = p, *fraction = p + n;
   Way way = way_of(p, n, m, level);
-  const double least = p[2 * n] * level.at(m.displacement);
+  const double most = p[2 * n] * way.along, least = -p[2 * n] * way.against;
   double total = 0;
   for (int i = 0; i < n; i++) {
     const double force = way.direction * state[2 * i + kForce] + stiffness[i] * way.distance;
-    const bool sticks = force <= fraction[i] * least && force >= fraction[i] * way.lowest;
+    const bool sticks = force <= fraction[i] * most && force >= fraction[i] * least;
     if (state[2 * i + kSlip] == way.direction || !sticks) {
-      way.level = level_of(p + 2 * n, m, level);
-      way.left = left_of(p + 2 * n, m, way.level);
+      const double curve = curve_of(p + 2 * n, m);
+      way.follow(curve, left_of(p + 2 * n, m, curve * way.along));
       return move(p, n, way, state, next);
     }
     next[2 * i + kForce] = way.direction * force;
@@ -159,7 +167,8 @@ const gms::Effect gms_effect_gms = {
     "friction",
     "Generalized Maxwell-Slip friction: N massless elements in parallel, each a spring that slips.\n"
     "Sticking: dF_i/dt = k_i v until |F_i| reaches alpha_i s(v). Slipping: dF_i/dt = C (sgn(v) alpha_i - F_i/s(v)),\n"
-    "sticking again when v changes sign, with s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta).\n"
+    "sticking again when v changes sign, with s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta). Where the level drops, as the\n"
+    "joint speeds up, what an element that unwinds has beyond it relaxes at the rate C too; it does not slip back.\n"
     "The slip equation is integrated exactly over each interval, with s taken at its mean velocity.\n"
     "Sources: Lampaert, Al-Bender and Swevers, ICPA 2003; Yoon and Trumper, Mechatronics 24 (2014).",
     "The torque error draws loops against position just after each reversal, and steps with the sign of velocity.",
