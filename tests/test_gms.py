@@ -152,7 +152,7 @@ def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
 
 @pytest.mark.parametrize("attraction", [1e-6, 1.0, 1e6])
 def test_what_an_element_carries_beyond_the_level_of_its_speed_relaxes_while_it_unwinds(attraction):
-    """It rests at the static level and turns back faster than its spring unwinds: it neither keeps that nor slips back."""
+    """It turns back from the static level faster than its spring unwinds: it neither keeps that nor slips back."""
     law = effects.GMS(
         stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FS, stribeck_velocity=VS, attraction=attraction
     )
