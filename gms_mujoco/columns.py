@@ -107,7 +107,8 @@ def pick(
     for key in (*(["time"] if rate is None else []), "position", drive):
         wanted.setdefault(key, available.get(key, key))
     for key in OPTIONAL:
-        if available.get(key) in table.columns and key not in chosen and key not in _ASKED_FOR:
+        there = available.get(key) in table.columns and key not in chosen and key not in _ASKED_FOR
+        if there and np.isfinite(table.columns[available[key]]).any():
             wanted[key] = available[key]
     expect_found(table, {key: at for key, at in wanted.items() if key not in chosen})
     raw = {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
@@ -301,8 +302,9 @@ def check(table: formats.Table, columns: Mapping[str, Array], fewest: int = 16) 
         bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
         if len(bad):
             whole = np.all([np.abs(v) < _LARGEST for v in columns.values()], axis=0)
+            without = f", or leave it out with columns = {{ {key} = false }}" if key in OPTIONAL else ""
             raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such); "
-                            + timing.parts(columns["time"], whole))
+                            + timing.parts(columns["time"], whole) + without)
     if lengths["time"] < fewest:
         raise DataError(f"{lengths['time']} samples; at least {fewest} are needed")
     time = columns["time"]

@@ -344,7 +344,7 @@ def read_toml(file: Path) -> dict[str, Any]:
     if file.is_file() and formats.known(file):
         raise DataError(f"{file}: is a log; expected a measurement set, a folder with {FILE}; {_how(file)}")
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         if file.name != FILE:
             where = f"{file}: no such file or folder"
@@ -353,7 +353,8 @@ def read_toml(file: Path) -> dict[str, Any]:
         raise DataError(f"{file.parent}: no {FILE} in this folder; expected a measurement set, a folder with {FILE}"
                         + (f"; {_how(logs[0])}" if logs else "")) from None
     except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{file}: not TOML ({error})") from None
+        hint = "; write / in the place of \\ in the names of files" if "\\" in str(error) else ""
+        raise DataError(f"{file}: not TOML ({error}){hint}") from None
     except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{file}: cannot be read ({error})") from None
 

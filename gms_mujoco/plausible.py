@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 _COUNTERS = range(10, 33)  # bits of a counter that runs over
 _WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
+_ALIKE = 0.8  # squared correlation of two signals that are one in two units
+_OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
 _OFF = 5.0  # times an inertia: more than a wrong guess
@@ -152,6 +154,9 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     for r in records:
         if doubt := timing.clock(r.time):
             said.append(f"{r.name}: {doubt}")
+        if (factor := _of_velocity(r)) is not None:
+            said.append(f"{r.name}: the velocity is {factor:.3g} times the slope of the position; is its unit "
+                        f"{'rpm or deg/s' if kind == 'hinge' else 'mm/s'}? Say it with units = {{ velocity = ... }}")
         if np.ptp(r.torque) == 0 and r.torque[0]:
             said.append(f"{r.name}: the torque is {r.torque[0]:.4g} throughout; is it the right column?")
         if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
@@ -181,6 +186,19 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
             said.append(f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
                         f"given: {ratio:.3g} times off{hint}")
     return said
+
+
+def _of_velocity(record: Record) -> float | None:
+    """How many times the slope of the position a logged velocity is; None where it is that slope, or is not known."""
+    v = record.get("velocity")
+    if v is None:
+        return None
+    slope = np.gradient(record.position, record.sample_time)
+    square, other = float(v @ v), float(slope @ slope)
+    if not square * other or (v @ slope) ** 2 < _ALIKE * square * other:
+        return None
+    factor = square / float(v @ slope)
+    return None if 1 / _OTHER_UNIT < factor < _OTHER_UNIT else factor
 
 
 def _rough(records: Sequence[Record]) -> tuple[float, float, float] | None:

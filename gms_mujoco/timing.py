@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 HELD = ("torque", "current")  # the drive holds these from one sample to the next
 LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
 _FEWEST, _FEW = 16, 3  # samples of a part of a file that is worth a span, and such parts
-_SLOW, _FAST = 0.2, 1e-6  # s; nobody controls a joint at longer samples, or shorter ones
+_SLOW, _FAST = 0.2, 5e-6  # s; nobody controls a joint at longer samples, or shorter ones
 _CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
 _EVEN = 0.02  # steps that differ by less than this part are even
 
@@ -35,7 +35,7 @@ def within(time: Array, span: Any) -> NDArray[np.bool_]:
         raise DataError(f"span must be two rising times, as in span = [1.0, 9.5] [s]; {span!r} given")
     outside = (time < span[0]) | (time > span[1])
     if outside.all():
-        whole = f"its time runs from {time[0]:.6g} to {time[-1]:.6g} s"
+        whole = f"its time runs from {_told(time[0])} to {_told(time[-1])} s"
         raise DataError(f"span = {span}: the file has nothing there; {whole}")
     return np.asarray(~outside)
 

@@ -193,6 +193,21 @@ def test_an_optional_column_is_read_unless_it_is_left_out(tmp_path: Path) -> Non
     refuses(tmp_path, text + "columns = { torque = false }\n", "columns.torque", **raw)
 
 
+def test_an_optional_column_without_numbers_does_not_matter_and_one_with_few_says_how_to_do_without(
+    tmp_path: Path,
+) -> None:
+    text = AXIS + RECORD + 'use = "fit"\n'
+    empty = np.full(N, np.nan)
+    assert "temperature" not in dataset(tmp_path, text, **RUN, temperature=empty).fit[0].signals
+    empty[::50] = 25.0
+    refuses(tmp_path, text, "temperature is nan", "columns = { temperature = false }", **RUN, temperature=empty)
+
+
+def test_a_dataset_toml_of_a_text_editor_of_windows_is_read(tmp_path: Path) -> None:
+    assert len(dataset(tmp_path, "\ufeff" + AXIS + RECORD).records) == 2
+    refuses(tmp_path, AXIS + RECORD.replace("run", "c:\\logs\\run"), "not TOML", "write / in the place of")
+
+
 def test_frequency_responses_come_beside_records_or_alone(tmp_path: Path) -> None:
     (tmp_path / "level.csv").write_text("f [Hz],real,imag\n1,2.0,0.5\n2,1.0,0.5\n")
     frf = '[[frf]]\nfile = "level.csv"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\nuse = "validate"\n'

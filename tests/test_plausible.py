@@ -145,6 +145,15 @@ def test_a_torque_that_never_changes_and_an_axis_that_hardly_moves_are_doubted(t
     assert "changes by less than 4 counts of the encoder in all" in " ".join(still.notes)
 
 
+def test_a_velocity_in_another_unit_than_the_position_is_doubted(tmp_path: Path) -> None:
+    slope = np.gradient(RUN.position, RUN.sample_time)
+    for factor, doubted in ((1.0, False), (0.9, False), (30 / np.pi, True)):
+        columns = {"time": RUN.time, "torque": RUN.torque, "position": RUN.position, "velocity": factor * slope}
+        formats.write(tmp_path / "run.csv", columns)
+        (tmp_path / "dataset.toml").write_text('[axis]\n[[record]]\nfile = "run.csv"\nuse = "fit"\n')
+        assert ("rpm or deg/s" in " ".join(load(tmp_path).notes)) is doubted
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 86400, "d")])
 def test_a_clock_that_no_log_has_is_refused_with_the_unit_that_it_may_have(
     factor: float, unit: str, tmp_path: Path

@@ -34,7 +34,7 @@ _MOST_PREAMBLE = 200  # lines before the header
 _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(([.]\d{3})+,\d+|(,\d{3})+[.]\d+)")  # 1.234,5 or 1,234.5
+_GROUPED = re.compile(r"[+-]?\d{1,3}(([.]\d{3})+,\d+|(,\d{3})+[.]\d+|([\s']\d{3})+([.,]\d+)?)")  # 1.234,5
 _FORTRAN = re.compile(r"([\d.])[dD]([+-]?\d)")  # 1.5D-03
 Lines = list[tuple[int, str]]  # with the number of each in the file
 
@@ -189,7 +189,8 @@ def _without_preamble(kept: Lines) -> Lines:
         width = len(usual)
         if width < 2:
             continue
-        numbers = [len(r) == width and all(c and _is_value(c.replace(",", ".")) for c in r) for r in rows]
+        numbers = [len(r) == width and bool(r[0] and r[1]) and all(_is_value(c.replace(",", ".")) for c in r)
+                   for r in rows]  # some may be missing
         first = next((i for i, good in enumerate(numbers) if good), 0)
         header = first - 1
         if header > 0 and _units_row(rows[header], width) and _is_named(rows[header - 1], width):

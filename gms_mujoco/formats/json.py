@@ -1,7 +1,7 @@
 """Servo logs in JSON: a list of samples, each an object with the same numeric fields.
 
-The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos); a
-document of equally long lists is read as columns. Single numbers beside them are no columns.
+The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos), or the
+lines of a `.jsonl`; a document of equally long lists is read as columns. Single numbers beside them are no columns.
 """
 
 from __future__ import annotations
@@ -17,14 +17,19 @@ from ..errors import DataError
 from ..files import write_text
 from . import Array, Table
 
-SUFFIXES = (".json",)
+SUFFIXES = (".json", ".jsonl")
+_LINES = ".jsonl"
 
 
 def read(path: Path) -> Table:
+    text = path.read_text(encoding="utf-8")
+    if path.name.lower().endswith(_LINES):
+        text = "[" + ",\n".join(line for line in text.split("\n") if line.strip()) + "]"
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(text)
     except json.JSONDecodeError as error:
-        raise DataError(f"{path}: line {error.lineno}: not JSON ({error.msg})") from None
+        hint = f"; an object in each line is a {_LINES}" if error.msg == "Extra data" else ""
+        raise DataError(f"{path}: line {error.lineno}: not JSON ({error.msg}){hint}") from None
     except RecursionError:
         raise DataError(f"{path}: not a servo log (nested too deeply)") from None
     entries = document.get("entries") if isinstance(document, dict) else document
@@ -49,7 +54,9 @@ def read(path: Path) -> Table:
 
 def write(path: Path, columns: Mapping[str, Array]) -> None:
     rows = zip(*(v.tolist() for v in columns.values()), strict=True)
-    write_text(path, json.dumps({"entries": [dict(zip(columns, row, strict=True)) for row in rows]}))
+    entries = [dict(zip(columns, row, strict=True)) for row in rows]
+    lines = path.name.lower().endswith(_LINES)
+    write_text(path, "\n".join(map(json.dumps, entries)) + "\n" if lines else json.dumps({"entries": entries}))
 
 
 def _short(value: Any) -> str:
