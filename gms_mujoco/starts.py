@@ -215,7 +215,7 @@ def _typical(effect: Effect, scales: Scales) -> Effect:
         if p.name in effect.unset:
             if not p.free:
                 raise ModelError(f"{effect.name}.{p.name} has no value, and a fit cannot find it; give it")
-            guess = scales[p.unit]
+            guess = min(max(scales[p.unit], p.lower), p.upper)
             values[p.name] = (guess,) * effect.elements if p.per_element else guess
     return effect.replace(**values) if values else effect
 

@@ -139,6 +139,14 @@ def test_what_is_fixed_stays() -> None:
     assert found.error > 1.5 * found.floor
 
 
+def test_an_effect_without_values_starts_inside_its_bounds() -> None:
+    """However short the samples, from which a time constant is guessed."""
+    drift = effects.ThermalDrift(amplitude=0.4, time_constant=1.5)
+    found = fit(UNKNOWN + effects.ThermalDrift(), runs(HEALTHY + drift))
+    assert found.error < 1.1 * found.floor
+    assert found.plant["thermal_drift"].time_constant == pytest.approx(1.5, rel=0.05)
+
+
 def test_a_harmonic_has_to_be_given() -> None:
     with pytest.raises(ModelError, match=r"cogging\.harmonics has no value"):
         fit(UNKNOWN + effects.Cogging(elements=1), runs(HEALTHY))
