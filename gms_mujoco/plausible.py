@@ -22,6 +22,7 @@ _WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
 _ALIKE = 0.8  # squared correlation of two signals that are one in two units
 _OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
+_MOST = 0.9  # of the samples in which an axis moves
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
 _OFF = 5.0  # times an inertia: more than a wrong guess
 _FEW = 150  # samples, of which a friction model cannot be told from noise
@@ -92,11 +93,11 @@ def leap(position: Array, count: float | None = None) -> int | None:
     anew; None where there is none.
 
     Between one sample and the next an axis goes little further than between those around them, and never many times as
-    far as in nearly all others.
+    far as in nearly all others in which it moves: behind a coarse encoder a slow axis rests and steps by a count.
     """
     step = np.diff(position)
     size = np.abs(step)
-    usual = float(np.quantile(size, 0.99))
+    usual = max(float(np.quantile(size, 0.99)), float(np.quantile(size[size > 0], _MOST)) if size.any() else 0.0)
     for i in np.flatnonzero(size > max(_LEAP * usual, _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))).tolist():
         near = np.arange(max(i - 3, 0), min(i + 4, len(step)))
         near = near[(near != i) & (step[near] * step[i] >= -(size[i] ** 2) / 2)]  # unless it leaps back

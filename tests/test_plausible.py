@@ -130,6 +130,14 @@ def test_a_quick_move_is_no_leap(tmp_path: Path) -> None:
     assert len(logged(tmp_path, position=lambda q: np.round(move, 6)).fit) == 1
 
 
+@pytest.mark.parametrize("counts", [2**8, 2**12, 2**16])
+def test_a_slow_move_behind_a_coarse_encoder_is_no_leap(counts: int, tmp_path: Path) -> None:
+    """It rests for hundreds of samples and then steps by a count, of which nobody says how large it is."""
+    count, steps = 2 * np.pi / counts, len(RUN) // 300
+    creep = np.linspace(0, steps * count, len(RUN))
+    assert len(logged(tmp_path, position=lambda q: np.round(creep / count) * count).fit) == 1
+
+
 def test_positions_in_counts_that_nobody_called_counts_are_refused(tmp_path: Path) -> None:
     counts = {"position": lambda q: np.round(q * 2**18 / (2 * np.pi))}
     with pytest.raises(DataError, match=r'whole numbers only, .* say units = { position = "counts" }'):
