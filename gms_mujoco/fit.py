@@ -21,7 +21,7 @@ from .placement import placed
 from .plant import Plant
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
-from .starts import starts
+from .starts import other_weakenings, starts
 from .tall import squared
 from .threads import one_blas_thread
 from .undetermined import left_open, never_slips, undetermined
@@ -124,8 +124,9 @@ def fit(
     its uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from
     the goal (`servo_observation`). Parameters that have no value yet are started from the
     data; the others start where they are. Of several starts the one that leaves the least after a few steps goes on;
-    where it ends above the noise floor the others do too, until one comes down to it. One that does not takes no place:
-    beside an effect that the plant lacks, the lowest is the friction that has bent furthest to hide it.
+    where it ends above the noise floor it goes on with the weakening of friction that each of them began with, until
+    one comes down to the floor. One that does not takes no place: beside an effect that the plant lacks, the lowest is
+    the friction that has bent furthest to hide it.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
     variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.
@@ -146,22 +147,30 @@ def fit(
     driven(plant, data)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
-    first, *others = _rough_fits(plant, observations, fixed, report)
+    first = _best_start(plant, observations, fixed, report)
     report(0.5, "refining")
     misfit, x = _led_to(first, observations, fixed)
     if _pressing(misfit, x) and (early := acting_early(_result(misfit, x), fixed)):
         observations = early
-        first, *others = _rough_fits(plant, observations, fixed)
-        misfit, x = _led_to(first, observations, fixed)
+        misfit, x = _led_to(_best_start(plant, observations, fixed), observations, fixed)
     found = _finished(misfit, x)
-    for i, start in enumerate(others):
-        if _near_floor(found):
-            break
-        report(0.7 + 0.3 * i / len(others), f"refining start {i + 2} of {len(others) + 1}")
-        other = _result(*_led_to(start, observations, fixed, _NEAR_FLOOR**2 * squared(found.floor_rows)))
-        if _near_floor(other):
-            found = finished(other)
+    found = _weakened_otherwise(found, plant, fixed, report)
     report(1.0, found.status)
+    return found
+
+
+def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], report: Progress) -> FitResult:
+    """The first fit that comes down to the noise floor, of that found and those from it with another weakening of
+    friction, of which a few steps tell little; that found where none does."""
+    misfit, x = found.misfit, found.vector
+    others = other_weakenings(plant, found.plant, misfit.observations)
+    for i, start in enumerate([] if _near_floor(found) else others):
+        report(0.8 + 0.2 * i / len(others), f"another weakening of friction, {i + 1} of {len(others)}")
+        trial = Misfit(start, misfit.observations, fixed)
+        there = trial.vector(start, misfit.memories(x, misfit.n_memory), misfit.skew(x))
+        there = _refined(trial, there, below=_NEAR_FLOOR**2 * squared(found.floor_rows))
+        if trial.cost(there) < misfit.cost(x) and _near_floor(other := _finished(trial, there)):
+            return other
     return found
 
 
@@ -175,7 +184,7 @@ def fit_observations(
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
     report = progress or (lambda done, message: None)
-    first = _rough_fits(plant, observations, fixed, report, below)[0]
+    first = _best_start(plant, observations, fixed, report, below)
     report(0.5, "refining")
     return _result(*_led_to(first, observations, fixed, below))
 
@@ -250,17 +259,17 @@ def rough_fit(
 ) -> tuple[Misfit, Array]:
     """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
     guessed; see `refine` for `below`."""
-    return _begun(_rough_fits(plant, observations, fixed, below=below)[0], observations, fixed)
+    return _begun(_best_start(plant, observations, fixed, below=below), observations, fixed)
 
 
-def _rough_fits(
+def _best_start(
     plant: Plant,
     observations: Sequence[Seen],
     fixed: Collection[str] = (),
     progress: Progress | None = None,
     below: float = math.inf,
-) -> list[Plant]:
-    """Where the starts lead in a few steps, that with the least left over first."""
+) -> Plant:
+    """Where that of the starts leads that leaves the least after a few steps."""
     report = progress or (lambda done, message: None)
     led: list[tuple[float, Plant]] = []
     some = fewer(observations)
@@ -272,7 +281,7 @@ def _rough_fits(
         x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=common, below=enough)
         x = _agreed(misfit, x, 20, common)
         led.append((misfit.cost(x), misfit.plant(x)))
-    return [start for _, start in sorted(led, key=lambda t: t[0])]
+    return min(led, key=lambda t: t[0])[1]
 
 
 def _begun(start: Plant, observations: Sequence[Seen], fixed: Collection[str]) -> tuple[Misfit, Array]:

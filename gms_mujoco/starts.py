@@ -35,6 +35,7 @@ _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element
 _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
 _FURTHER = 2.0  # times as late an element may slip where amplitudes tell when it does
 _FINEST = 0.3  # of their smallest amplitude
+_WEAKER = 1.05  # static level over that of sliding
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
@@ -75,15 +76,33 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         law = law.replace(fraction=share)  # equal shares are what nobody has chosen
     found: dict[str, object] = {
         "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
-        "coulomb": level, "static": 1.05 * level, "attraction": 0.1 * level / scales["s"],
+        "coulomb": level, "static": _WEAKER * level, "attraction": 0.1 * level / scales["s"],
     }  # fmt: skip
-    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
     out = []
-    for factor in _STRIBECK_VELOCITIES if "stribeck_velocity" in law.unset else (1.0,):
-        started = _with(law, **found, stribeck_velocity=min(factor * scales["rad/s"], fastest))
+    for velocity in _velocities(observations) if "stribeck_velocity" in law.unset else (None,):
+        started = _with(law, **found, stribeck_velocity=velocity)
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out
+
+
+def other_weakenings(plant: Plant, found: Plant, observations: Sequence[Seen]) -> list[Plant]:
+    """A plant that was found, with each weakening of friction that a fit of `plant` may start from; none where its law
+    has a Stribeck velocity already."""
+    law = next((e for e in plant.effects if e.name in _LAWS and "stribeck_velocity" in e.unset), None)
+    if law is None or any(isinstance(o, ServoObservation) for o in observations):
+        return []
+    law = found[law.name]
+    static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
+    velocities = _velocities(observations)
+    return [found.replace(law.replace(static=static, stribeck_velocity=v)) for v in velocities]
+
+
+def _velocities(observations: Sequence[Seen]) -> list[float]:
+    """Stribeck velocities to start from [rad/s]."""
+    usual = Scales.of(observations)["rad/s"]
+    fastest = max(float(np.abs(o.velocity).max()) for o in observations)
+    return [min(factor * usual, fastest) for factor in _STRIBECK_VELOCITIES]
 
 
 def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:

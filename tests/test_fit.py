@@ -117,12 +117,20 @@ def test_starting_values_that_are_given_are_where_the_fit_starts() -> None:
 
 
 @pytest.mark.parametrize("velocity", [0.05, 0.5, 5.0])
-def test_a_fit_that_ends_above_the_noise_goes_on_from_the_other_starts(velocity: float) -> None:
+def test_a_fit_that_ends_above_the_noise_goes_on_with_another_weakening(velocity: float) -> None:
     """Of a friction that weakens far below the usual speeds a few steps tell little of which start leads to it."""
     truth = HEALTHY.replace(GMS.replace(stribeck_velocity=velocity, static=1.15 * LEVEL))
     found = fit(Plant.axis(J) + effects.GMS(elements=4) + effects.Viscous(), runs(truth))
     assert found.error < 1.1 * found.floor
     assert found.plant["gms"].stribeck_velocity == pytest.approx(velocity, rel=0.5)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.1, 0.15])
+def test_a_fit_with_an_effect_begins_again_with_another_weakening_too(level: float) -> None:
+    rr = runs(HEALTHY + effects.AsymmetricFriction(level=0.15))
+    found = fit(UNKNOWN + effects.AsymmetricFriction(level=level), rr)
+    assert found.error < 1.2 * found.floor
+    assert found.plant["asymmetric_friction"].level == pytest.approx(0.15, rel=0.01)
 
 
 def test_friction_that_follows_its_level_at_once_is_fitted_to_the_floor() -> None:
