@@ -69,7 +69,7 @@ def observe(
         if refused:
             raise refused[0]
         raise DataError('no records to look at; a measurement set needs at least one with use = "fit"')
-    if plant is None and records and not frfs and not any(np.ptp(r.position) for r in records):
+    if plant is None and not bandwidth and records and not frfs and not any(np.ptp(r.position) for r in records):
         names = ", ".join(r.name for r in records)
         raise DataError(f"{names}: the position never changes; nothing can be learnt from a joint that does not move")
     if records:

@@ -29,7 +29,7 @@ _WIDEST = 0.3  # of the travel: one that breaks away later hardly slips both way
 # An element that slips only after many times the usual distance is a spring with an unknown offset in every record:
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
-_SOME = 0.05  # of the level: elements with less are not the friction beside which others are springs
+_SOME = 0.01  # of the level: elements with less are not the friction beside which others are springs
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
 _SLIPS = 0.6  # of it: an element that breaks away there shows that it does

@@ -30,4 +30,4 @@ def test_a_servo_that_is_known_stays_within_its_noise() -> None:
     t = 0.02 * np.arange(400)
     made = [servos.run(np.sin(2.5 * t + i), gain=24.0, start=np.sin(i), step=0.02, name=str(i)) for i in range(3)]
     runs = [simulate(TRUE, r, position_noise=1e-3, seed=i) for i, r in enumerate(made)]
-    assert "stays within its noise band" in compare(TRUE, runs).where
+    assert "is at its noise floor" in compare(TRUE, runs).where
