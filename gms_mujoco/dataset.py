@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,11 +12,10 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from . import columns, files, formats, frf_files, frf_table, plausible, servo_run, timing
+from . import files, formats, frf_files, frf_table, plausible, record_files, servo_run
 from .columns import expect_known, subtable
 from .errors import DataError, listing
 from .frf import FRF
-from .inverse import common_step
 from .measured_axis import ENCODER, Axis, encoder_count, joint_names
 from .record import USES, Record, told_uses
 from .servo_run import CONTROLLERS, ServoRun
@@ -26,7 +24,6 @@ Array = NDArray[np.float64]
 
 FILE = "dataset.toml"
 _FIT_SHARE = 0.6  # of a single record, in time
-_KEYS = ("file", "use", "joint", "episode", "rate", "span", "sensed", "columns", "units", "scale")
 
 
 @dataclass(frozen=True)
@@ -137,7 +134,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         notes = frf_table.listed(frfs)
         records, others = [], []
         for i, entry in enumerate(entries, 1):
-            record, more, done = _record(f"record {i}", entry, file.parent, axis)
+            record, more, done = record_files.read(f"record {i}", entry, file.parent, axis)
             records.append(record)
             others.append(more)
             notes += [f"{record.name}: {note}" for note in done]
@@ -222,91 +219,6 @@ def save(
         if isinstance(r, Record) and r.sensed:
             lines.append("sensed = true")
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
-
-
-def _record(
-    key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
-) -> tuple[Record, dict[str, Array], list[str]]:
-    """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each."""
-    name, use = columns.file_and_use(entry, _KEYS, key)
-    if not os.path.isfile(folder / name):
-        raise DataError(f"{key}: no such file: {name}")
-    table = formats.read(folder / name)
-    try:
-        episode = entry.get("episode")
-        table = table.episode(episode)
-        chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
-        if len(axis.names) > 1 and entry.get("joint") is None:
-            for what in ("torque", "current", "position"):
-                if what in chosen and not isinstance(entry["columns"][what], Mapping):
-                    raise DataError(
-                        f"columns.{what}: the set is of several joints; give a column for each, as in "
-                        f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
-                    )
-        unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
-        scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
-        signals, stated = columns.pick(table, chosen, columns.rate(entry))
-        stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
-        columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, "position")
-        read = columns.as_stated(signals, stated, axis.joint)
-        columns.convert(signals, unit, scale, axis.joint)
-        for other, at in elsewhere.items():
-            kind = axis.joint.others[other]
-            signals[f"position of {other}"] = columns.into_si(
-                columns.column(table, f"columns.position.{other}", at), "position",
-                other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
-                kind, axis.resolution(other, kind),
-            )  # fmt: skip
-        sensed = entry.get("sensed")
-        if sensed not in (None, True, False):
-            raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
-        by_current = "current" in signals
-        if by_current:
-            if axis.torque_constant is None:
-                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
-                                'or torque_constant = "unknown" to stay in A')
-            signals["torque"] = axis.torque_constant * signals.pop("current")
-        span = entry.get("span")
-        if span is not None:
-            kept = timing.within(signals["time"], span)
-            signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
-            table = table.rows(kept)
-        notes = [read]
-        for leave_out in (columns.trimmed, columns.without_repeats):
-            rows, note = leave_out(signals)
-            table = table.rows(rows)
-            notes.append(note)
-        columns.check(table, signals)
-        if not {"time", "rate"} & {*unit, *scale, *stated, *entry}:
-            timing.expect_clock(signals["time"])
-        if np.ptp(signals["position"]) == 0:
-            raise DataError("position never changes; nothing can be learnt from a joint that does not move")
-        for what in [k for k in signals if k.startswith("position")]:
-            other = what.removeprefix("position of ")
-            kind = axis.joint.kind_of(other)
-            count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
-            signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
-            notes.append(note)
-            if (at := plausible.leap(signals[what], count)) is not None:
-                before, after = signals[what][at - 1 : at + 1]
-                si = "rad" if kind == "hinge" else "m"
-                raise DataError(f"{table.place(at)}: {what} leaps from {before:.6g} to {after:.6g} {si} in one sample, "
-                                "as no joint does; leave out what was read wrong, or take what is whole with span")
-        if sensed is None:
-            sensed = by_current and timing.by_another_clock(signals["time"])
-        # Interpolated positions would not show it any more.
-        count = axis.joint.resolution or common_step(signals["position"]) or None
-        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
-        notes.append(note)
-        others = {k: signals.pop(f"position of {k}") for k in elsewhere}
-    except DataError as error:
-        raise DataError(f"{key} ({name}): {error}") from None
-    short = Path(name).name if Path(name).is_absolute() else name
-    if episode is not None:
-        short += f" episode {episode}"
-    if span is not None:
-        short += f" {span[0]:g} to {span[1]:g} s"
-    return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
 
 
 def _split(records: list[Record], uses: list[Any]) -> tuple[list[Record], str]:

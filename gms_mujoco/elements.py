@@ -9,10 +9,11 @@ import numpy as np
 from . import effects
 from .effect import Effect
 from .errors import ModelError
-from .fit import FitResult, Progress, finished, fit_observations
+from .fit import FitResult, finished, fit_observations
 from .linear_model import cross_validated
 from .observe import Data, driven, observe
 from .plant import Plant
+from .progress import Progress
 
 COUNTS = (1, 2, 3, 4, 6, 8)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,32 +13,29 @@ from . import effects
 from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .inverse import Observation
-from .least_squares import approach, nudge, solve
+from .least_squares import agreed, approach, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
 from .observe import Data, driven, observe
 from .placement import placed
 from .plant import Plant
+from .progress import Progress
+from .rough import begun, best_start
 from .score import Score
 from .servo_observation import ServoObservation, errors_of
-from .starts import other_weakenings, starts
+from .starts import other_weakenings
 from .tall import squared
 from .threads import one_blas_thread
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
-_ROUNDS = 4  # of solving and computing the harmonics anew
-_AGREED = 0.98  # of the cost: less of a fall is none
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
-_RUNS = 16  # of a servo, for a first look
-_ENOUGH = 160  # points of frequency responses, for a first look
 
 
 @dataclass(frozen=True)
@@ -147,14 +144,10 @@ def fit(
     driven(plant, data)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
-    first = _best_start(plant, observations, fixed, report)
-    report(0.5, "refining")
-    misfit, x = _led_to(first, observations, fixed)
+    misfit, x = _from_the_data(plant, observations, fixed, report)
     if _pressing(misfit, x) and (early := acting_early(_result(misfit, x), fixed)):
-        observations = early
-        misfit, x = _led_to(_best_start(plant, observations, fixed), observations, fixed)
-    found = _finished(misfit, x)
-    found = _weakened_otherwise(found, plant, fixed, report)
+        misfit, x = _from_the_data(plant, early, fixed)
+    found = _weakened_otherwise(_finished(misfit, x), plant, fixed, report)
     report(1.0, found.status)
     return found
 
@@ -183,10 +176,7 @@ def fit_observations(
 ) -> FitResult:
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
-    report = progress or (lambda done, message: None)
-    first = _best_start(plant, observations, fixed, report, below)
-    report(0.5, "refining")
-    return _result(*_led_to(first, observations, fixed, below))
+    return _result(*_from_the_data(plant, observations, fixed, progress, below))
 
 
 def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -254,46 +244,18 @@ def _doubting(misfit: Misfit, x: Array) -> list[Seen] | None:
     return [o for o in seen if not isinstance(o, FrfObservation)] + list(doubted) if doubted else None
 
 
-def rough_fit(
-    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), below: float = math.inf
-) -> tuple[Misfit, Array]:
-    """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
-    guessed; see `refine` for `below`."""
-    return _begun(_best_start(plant, observations, fixed, below=below), observations, fixed)
-
-
-def _best_start(
+def _from_the_data(
     plant: Plant,
     observations: Sequence[Seen],
-    fixed: Collection[str] = (),
+    fixed: Collection[str],
     progress: Progress | None = None,
     below: float = math.inf,
-) -> Plant:
-    """Where that of the starts leads that leaves the least after a few steps."""
-    report = progress or (lambda done, message: None)
-    led: list[tuple[float, Plant]] = []
-    some = fewer(observations)
-    candidates = starts(plant, some)
-    for i, start in enumerate(candidates):
-        report(0.1 + 0.4 * i / len(candidates), f"start {i + 1} of {len(candidates)}")
-        misfit = Misfit(start, some, fixed, coarse=True)
-        common, enough = np.arange(misfit.n_common), min([below, *(cost for cost, _ in led)])
-        x = solve(misfit, misfit.settle(misfit.vector(start)), 10, columns=common, below=enough)
-        x = _agreed(misfit, x, 20, common)
-        led.append((misfit.cost(x), misfit.plant(x)))
-    return min(led, key=lambda t: t[0])[1]
-
-
-def _begun(start: Plant, observations: Sequence[Seen], fixed: Collection[str]) -> tuple[Misfit, Array]:
-    misfit = Misfit(start, observations, fixed)
-    return misfit, nudge(misfit, misfit.vector(start))
-
-
-def _led_to(
-    start: Plant, observations: Sequence[Seen], fixed: Collection[str], below: float = math.inf
 ) -> tuple[Misfit, Array]:
-    """The fit that a rough one leads to, with the points of responses trusted as they deserve."""
-    misfit, x = _to_end(*_begun(start, observations, fixed), fixed, 40, below)
+    """The fit that the best of several starts leads to, with the points of responses trusted as they deserve."""
+    report = progress or (lambda done, message: None)
+    first = best_start(plant, observations, fixed, report, below)
+    report(0.5, "refining")
+    misfit, x = _to_end(*begun(first, observations, fixed), fixed, 40, below)
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = _refined(misfit, x)
@@ -302,15 +264,6 @@ def _led_to(
 
 def _near_floor(found: FitResult) -> bool:
     return squared(found.misfit.residual(found.vector)) <= _NEAR_FLOOR**2 * squared(found.floor_rows)
-
-
-def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:
-    """Enough of the points of frequency responses, or of the runs of a servo, to see where a fit leads."""
-    if len(observations) > _RUNS and isinstance(observations[0], ServoObservation):
-        return list(observations[:: math.ceil(len(observations) / _RUNS)])
-    points = sum(len(o.frf) for o in observations if isinstance(o, FrfObservation))
-    every = math.ceil(points / enough)
-    return [o.thinned(every) if isinstance(o, FrfObservation) else o for o in observations]
 
 
 def fit_to_end(
@@ -325,7 +278,7 @@ def _to_end(misfit: Misfit, x: Array, fixed: Collection[str], max_steps: int, be
     better, there = placed(misfit, x, fixed)
     if better is not misfit:
         x = _near(better, there, max_steps, below)
-    return better, _agreed(better, x, max_steps // 2)
+    return better, agreed(better, x, max_steps // 2)
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> FitResult:
@@ -340,7 +293,7 @@ def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.in
 
 
 def _refined(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> Array:
-    return _agreed(misfit, _near(misfit, x, max_steps, below), max_steps // 2)
+    return agreed(misfit, _near(misfit, x, max_steps, below), max_steps // 2)
 
 
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
@@ -360,21 +313,8 @@ def _finished(misfit: Misfit, x: Array) -> FitResult:
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
         for _ in range(2):
             x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, _SHARP / len(misfit.residual(x)))
-        x = _agreed(misfit, x, _LAST_STEPS)
+        x = agreed(misfit, x, _LAST_STEPS)
     return with_covariance(_result(misfit, x))
-
-
-def _agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
-    """`x` solved anew until the harmonics of the motions of frequency responses, which depend on the plant that they
-    are to tell, agree with it; as it is where there are none."""
-    if any(isinstance(o, FrfObservation) for o in misfit.observations):
-        for _ in range(_ROUNDS):
-            there = misfit.settle(x)
-            before = misfit.cost(there)
-            x = solve(misfit, there, max_steps, columns=columns)
-            if misfit.cost(x) > _AGREED * before:
-                break
-    return x
 
 
 def _told(score: Score, rows: Sequence[Array]) -> list[Array]:

@@ -16,10 +16,10 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .placement import parted
 from .scales import Scales
+from .starts import weakened
 
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
-_WEAKER = 1.05  # times less friction than at rest, at least, for a curve to be seen
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
@@ -45,8 +45,7 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
             continue
         curve = law.replace(stribeck_exponent=exponent)
         if velocity is not None:
-            static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
-            curve = curve.replace(stribeck_velocity=velocity * usual, static=static)
+            curve = weakened(curve, velocity * usual)
         misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
         x = nudge(misfit, x)
         if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):

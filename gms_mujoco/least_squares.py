@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .frf_observation import FrfObservation
 from .misfit import ROUNDING, Misfit
 from .tall import gram, squared
 
@@ -13,6 +14,8 @@ Array = NDArray[np.float64]
 _WORTH = 0.03  # of the tolerance: a step that promises less is not tried
 _AHEAD = 20  # steps over which a cost may go on to fall as it did: as many as a fit has
 _COARSE = 0.1  # of the squared residual, that the square of the error of a coarse look may be
+_ROUNDS = 4  # of solving and computing the harmonics anew
+_AGREED = 0.98  # of the cost: less of a fall is none
 _FARTHEST = 6.0  # times its reach, that an unknown moves in one step; of a logarithm 3
 
 
@@ -110,3 +113,16 @@ def approach(
         return start
     x = solve(coarse, start, max_steps, tolerance, columns, below, enough)
     return x if misfit.cost(x) < squared(exact) else start
+
+
+def agreed(misfit: Misfit, x: Array, max_steps: int, columns: NDArray[np.intp] | None = None) -> Array:
+    """`x` solved anew until the harmonics of the motions of frequency responses, which depend on the plant that they
+    are to tell, agree with it; as it is where there are none."""
+    if any(isinstance(o, FrfObservation) for o in misfit.observations):
+        for _ in range(_ROUNDS):
+            there = misfit.settle(x)
+            before = misfit.cost(there)
+            x = solve(misfit, there, max_steps, columns=columns)
+            if misfit.cost(x) > _AGREED * before:
+                break
+    return x

@@ -14,7 +14,7 @@ from . import effects
 from .candidates import applicable, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, Progress, acting_early, fewer, fit_observations, fit_to_end, refine, rough_fit
+from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, fit_to_end, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
@@ -44,7 +44,9 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
+from .progress import Progress
 from .reading import TorqueReading, rung
+from .rough import fewer, rough_fit
 from .screen import Candidate, Screen
 from .servo_observation import ServoObservation
 

@@ -79,7 +79,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         "coulomb": level, "static": _WEAKER * level, "attraction": 0.1 * level / scales["s"],
     }  # fmt: skip
     out = []
-    for velocity in _velocities(observations) if "stribeck_velocity" in law.unset else (None,):
+    for velocity in _velocities(observations, scales) if "stribeck_velocity" in law.unset else (None,):
         started = _with(law, **found, stribeck_velocity=velocity)
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
@@ -92,17 +92,19 @@ def other_weakenings(plant: Plant, found: Plant, observations: Sequence[Seen]) -
     law = next((e for e in plant.effects if e.name in _LAWS and "stribeck_velocity" in e.unset), None)
     if law is None or any(isinstance(o, ServoObservation) for o in observations):
         return []
-    law = found[law.name]
+    return [found.replace(weakened(found[law.name], v)) for v in _velocities(observations, Scales.of(observations))]
+
+
+def weakened(law: Effect, velocity: float) -> Effect:
+    """A law of friction that weakens about another velocity [rad/s], and by enough to be seen."""
     static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
-    velocities = _velocities(observations)
-    return [found.replace(law.replace(static=static, stribeck_velocity=v)) for v in velocities]
+    return law.replace(static=static, stribeck_velocity=velocity)
 
 
-def _velocities(observations: Sequence[Seen]) -> list[float]:
+def _velocities(observations: Sequence[Seen], scales: Scales) -> list[float]:
     """Stribeck velocities to start from [rad/s]."""
-    usual = Scales.of(observations)["rad/s"]
     fastest = max(float(np.abs(o.velocity).max()) for o in observations)
-    return [min(factor * usual, fastest) for factor in _STRIBECK_VELOCITIES]
+    return [min(factor * scales["rad/s"], fastest) for factor in _STRIBECK_VELOCITIES]
 
 
 def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:

@@ -1,0 +1,130 @@
+"""The entries [[record]] of a measurement set: files that become Records in SI units."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import columns, formats, plausible, timing
+from .columns import subtable
+from .errors import DataError
+from .inverse import common_step
+from .measured_axis import Axis
+from .record import Record
+
+Array = NDArray[np.float64]
+
+_KEYS = ("file", "use", "joint", "episode", "rate", "span", "sensed", "columns", "units", "scale")
+_OTHERS = "position of "  # before the name of another joint of the robot, among the signals
+
+
+def read(
+    key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
+) -> tuple[Record, dict[str, Array], list[str]]:
+    """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each.
+
+    Args:
+        key: what the entry is called in messages, "record 1".
+        entry: the table of `dataset.toml`.
+        folder: of the file that it names.
+        axis: whose record it is.
+
+    Raises:
+        DataError: the file cannot be read or understood, or holds what no joint does.
+    """
+    name, use = columns.file_and_use(entry, _KEYS, key)
+    if not os.path.isfile(folder / name):
+        raise DataError(f"{key}: no such file: {name}")
+    table = formats.read(folder / name)
+    try:
+        episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")
+        table = table.episode(episode)
+        signals, clock_said, note = _in_si(table, entry, axis)
+        notes = [note]
+        if sensed not in (None, True, False):
+            raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
+        by_current = "current" in signals
+        if by_current:
+            if axis.torque_constant is None:
+                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
+                                'or torque_constant = "unknown" to stay in A')
+            signals["torque"] = axis.torque_constant * signals.pop("current")
+        if span is not None:
+            kept = timing.within(signals["time"], span)
+            signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
+            table = table.rows(kept)
+        for leave_out in (columns.trimmed, columns.without_repeats):
+            rows, note = leave_out(signals)
+            table = table.rows(rows)
+            notes.append(note)
+        columns.check(table, signals)
+        if not clock_said:
+            timing.expect_clock(signals["time"])
+        if np.ptp(signals["position"]) == 0:
+            raise DataError("position never changes; nothing can be learnt from a joint that does not move")
+        notes += _without_jumps(signals, table, axis)
+        if sensed is None:
+            sensed = by_current and timing.by_another_clock(signals["time"])
+        # Interpolated positions would not show it any more.
+        count = axis.joint.resolution or common_step(signals["position"]) or None
+        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
+        notes.append(note)
+    except DataError as error:
+        raise DataError(f"{key} ({name}): {error}") from None
+    others = {k.removeprefix(_OTHERS): signals.pop(k) for k in [*signals] if k.startswith(_OTHERS)}
+    short = Path(name).name if Path(name).is_absolute() else name
+    if episode is not None:
+        short += f" episode {episode}"
+    if span is not None:
+        short += f" {span[0]:g} to {span[1]:g} s"
+    return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
+
+
+def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[dict[str, Array], bool, str | None]:
+    """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and a
+    sentence where the file states units."""
+    chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
+    if len(axis.names) > 1 and entry.get("joint") is None:
+        for what in ("torque", "current", "position"):
+            if what in chosen and not isinstance(entry["columns"][what], Mapping):
+                raise DataError(
+                    f"columns.{what}: the set is of several joints; give a column for each, as in "
+                    f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
+                )
+    unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
+    scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
+    signals, stated = columns.pick(table, chosen, columns.rate(entry))
+    stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
+    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, "position")
+    note = columns.as_stated(signals, stated, axis.joint)
+    columns.convert(signals, unit, scale, axis.joint)
+    for other, at in elsewhere.items():
+        kind = axis.joint.others[other]
+        signals[_OTHERS + other] = columns.into_si(
+            columns.column(table, f"columns.position.{other}", at), "position",
+            other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
+            kind, axis.resolution(other, kind),
+        )  # fmt: skip
+    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), note
+
+
+def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) -> list[str | None]:
+    """Unwraps the positions, in place, and says so; raises DataError where one leaps as no joint does."""
+    notes = []
+    for what in [k for k in signals if k.startswith("position")]:
+        other = what.removeprefix(_OTHERS)
+        kind = axis.joint.kind_of(other)
+        count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
+        signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
+        notes.append(note)
+        if (at := plausible.leap(signals[what], count)) is not None:
+            before, after = signals[what][at - 1 : at + 1]
+            si = "rad" if kind == "hinge" else "m"
+            raise DataError(f"{table.place(at)}: {what} leaps from {before:.6g} to {after:.6g} {si} in one sample, "
+                            "as no joint does; leave out what was read wrong, or take what is whole with span")
+    return notes
