@@ -21,6 +21,7 @@ from .parameter import WAVES, Parameter
 from .plant import Plant
 from .scales import Scales
 from .servo_observation import ServoObservation
+from .starts import LAWS
 
 Array = NDArray[np.float64]
 
@@ -140,6 +141,14 @@ def is_possible(effect: Effect) -> bool:
     inside = all(np.all(np.asarray(effect.values[p.name]) < _END * p.upper) for p in bounded)
     damping = table.get("damping")
     return inside and (damping is None or damping.default >= 1 or float(np.ravel(effect.values["damping"])[0]) < 1)
+
+
+def is_open(effect: Effect) -> bool:
+    """Whether it takes a look at what is left without an effect to begin with it: it lacks values, or it is absent and
+    would do something else with another phase, which a strength of zero does not show. Laws of friction aside."""
+    if effect.kind == "controller" or effect.name in LAWS:
+        return False
+    return bool(effect.unset) or (has_phase(type(effect)) and not is_present(effect))
 
 
 def absent(effect: Effect) -> Effect:

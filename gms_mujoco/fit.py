@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
+from .candidates import is_open, joined
+from .effect import Effect
+from .errors import ModelError
 from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .inverse import Observation
-from .least_squares import agreed, approach, solve
+from .least_squares import agreed, approach, nudge, solve
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
 from .observe import Data, driven, observe
@@ -22,6 +25,7 @@ from .plant import Plant
 from .progress import Progress
 from .rough import begun, best_start
 from .score import Score
+from .screen import Screen
 from .servo_observation import ServoObservation, errors_of
 from .starts import other_weakenings
 from .tall import squared
@@ -159,8 +163,7 @@ def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], 
     others = other_weakenings(plant, found.plant, misfit.observations)
     for i, start in enumerate([] if _near_floor(found) else others):
         report(0.8 + 0.2 * i / len(others), f"another weakening of friction, {i + 1} of {len(others)}")
-        trial = Misfit(start, misfit.observations, fixed)
-        there = trial.vector(start, misfit.memories(x, misfit.n_memory), misfit.skew(x))
+        trial, there = misfit.onto(start, x, fixed=fixed)
         there = _refined(trial, there, below=_NEAR_FLOOR**2 * squared(found.floor_rows))
         if trial.cost(there) < misfit.cost(x) and _near_floor(other := _finished(trial, there)):
             return other
@@ -253,12 +256,40 @@ def _from_the_data(
 ) -> tuple[Misfit, Array]:
     """The fit that the best of several starts leads to, with the points of responses trusted as they deserve."""
     report = progress or (lambda done, message: None)
+    if unknown := [e for e in plant.effects if is_open(e)]:
+        return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)
     report(0.5, "refining")
     misfit, x = _to_end(*begun(first, observations, fixed), fixed, 40, below)
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = _refined(misfit, x)
+    return misfit, x
+
+
+def _begun_without(
+    unknown: Sequence[Effect], plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress,
+    below: float,
+) -> tuple[Misfit, Array]:  # fmt: skip
+    """The same for a plant with effects of which nothing is known: each begins with what it would explain best of what
+    those before it leave, from there and, where that stays above the noise floor, with all others from the data.
+
+    Raises:
+        ModelError: the data cannot show one of them.
+    """
+    bare = replace(plant, effects=tuple(e for e in plant.effects if e not in unknown))
+    misfit, x = _from_the_data(bare, observations, fixed, report)
+    for e in unknown:
+        report(0.5, f"looking for {e.name}")
+        if (started := Screen(misfit, x).started(e)) is None:
+            raise ModelError(f"{e.name} has no values yet, and these data show nothing of it; give them")
+        bare = bare + started
+        near, there = misfit.onto(joined(misfit.plant(x), started), x, fixed=fixed)
+        near, there = _to_end(near, nudge(near, there), fixed, 20, below)
+        if not _near_floor(_result(near, there)):
+            afresh, other = _from_the_data(bare, observations, fixed, below=min(below, near.cost(there)))
+            near, there = (afresh, other) if afresh.cost(other) < near.cost(there) else (near, there)
+        misfit, x = near, there
     return misfit, x
 
 

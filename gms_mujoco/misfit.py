@@ -156,15 +156,18 @@ class Misfit:
         rest = np.zeros(self._states[-1][1]) if memories is None else np.concatenate(memories)
         return np.concatenate([self.coordinates.encode(plant), np.full(self.n_skew, skew), rest])
 
-    def onto(self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None) -> tuple[Misfit, Array]:
+    def onto(
+        self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None, fixed: Collection[str] = ()
+    ) -> tuple[Misfit, Array]:
         """The problem of another plant, and its vector where everything else is as at `x`.
 
         Args:
             plant: with at least the effects of this one, at their places.
             x: a vector of this problem.
             observations: as many as this one's, in their order; its own if None.
+            fixed: names "effect.parameter" to leave as they are.
         """
-        out = Misfit(plant, self.observations if observations is None else observations)
+        out = Misfit(plant, self.observations if observations is None else observations, fixed)
         return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x))
 
     def settle(self, x: Array) -> Array:

@@ -103,18 +103,21 @@ class Screen:
         self._delivered = misfit.delivered(vector)
         self.held_out = self._predicted(None, 1.0)
 
-    def candidate(self, effect: type[Effect]) -> Candidate | None:
+    def candidate(self, effect: type[Effect], given: dict[str, float] | None = None) -> Candidate | None:
         """The best way to add an effect; None where the data cannot show it (no motion, signal missing).
 
         An effect of several elements that the plant has already is given one more.
+
+        Args:
+            given: values of parameters that are neither strengths nor phases, of which no others are tried.
         """
-        best = _Best()
+        best, given = _Best(), given or {}
         tried = [*shapes(effect, self.scales, self.misfit.observations, self.plant), *self._finer(effect)]
-        for shape in tried:
+        for shape in {tuple((shape | given).items()): shape | given for shape in tried}.values():
             self._try(best, effect, shape)
         # Between the values of the grid, as far as the best by its tangents leads.
         for factor in _FINER:
-            for name in [k for k in (best.shape or {}) if is_continuous(effect, k)]:
+            for name in [k for k in (best.shape or {}) if is_continuous(effect, k) and k not in given]:
                 assert best.shape is not None
                 around = best.shape
                 for by in (factor, 1 / factor):
@@ -130,6 +133,21 @@ class Screen:
         share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
         return Candidate(started, share, self._predicted(columns, self._kept(started)), strong, columns)
+
+    def started(self, effect: Effect) -> Effect | None:
+        """An effect that the plant does not have with values for those that it lacks, from which a joint fit starts;
+        None where the data cannot show it."""
+        table = {p.name: p for p in effect.parameters}
+        chosen = {k: v for k, v in effect.values.items() if not (np.isnan(v).any() or np.all(v == table[k].default))}
+        if grows(type(effect)) and "harmonics" not in effect.unset:
+            found: Effect | None = None
+            for order in np.atleast_1d(effect.values["harmonics"]):
+                if one := self.at(type(effect), {"harmonics": float(order)}):
+                    found = merged(found, one[0]) if found else one[0]
+            return found
+        shape = {k: float(np.ravel(v)[0]) for k, v in chosen.items() if math.isnan(table[k].default)}
+        best = self.candidate(type(effect), shape)
+        return best.effect.replace(**chosen) if best else None
 
     def together(self, one: Candidate, other: Candidate) -> HeldOut:
         """What two candidates leave of each block, predicted without that block."""

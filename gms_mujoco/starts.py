@@ -39,7 +39,7 @@ _WEAKER = 1.05  # static level over that of sliding
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
-_LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
+LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
 
 
 def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
@@ -52,7 +52,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
     if servos:
         return servo_starts(plant, servos)
     scales = Scales.of(observations)
-    law = next((e for e in plant.effects if e.name in _LAWS and e.unset), None)
+    law = next((e for e in plant.effects if e.name in LAWS and e.unset), None)
     rest = [_typical(e, scales) for e in plant.effects if e is not law]
     if law is None:
         inertia = scales["kg m^2"] if plant.inertia is None else plant.inertia
@@ -89,7 +89,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
 def other_weakenings(plant: Plant, found: Plant, observations: Sequence[Seen]) -> list[Plant]:
     """A plant that was found, with each weakening of friction that a fit of `plant` may start from; none where its law
     has a Stribeck velocity already."""
-    law = next((e for e in plant.effects if e.name in _LAWS and "stribeck_velocity" in e.unset), None)
+    law = next((e for e in plant.effects if e.name in LAWS and "stribeck_velocity" in e.unset), None)
     if law is None or any(isinstance(o, ServoObservation) for o in observations):
         return []
     return [found.replace(weakened(found[law.name], v)) for v in _velocities(observations, Scales.of(observations))]
@@ -157,7 +157,7 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
         middle = float(np.median(np.abs(np.concatenate([o.commands for o in observations]))))
         limits["torque_saturation.limit"] = (middle, np.inf, float(np.asarray(plant["torque_saturation"].limit)))
     for e in plant.effects:
-        if e.name in _LAWS and "stribeck_velocity" in e.values and not e.unset:
+        if e.name in LAWS and "stribeck_velocity" in e.values and not e.unset:
             limits[f"{e.name}.stribeck_velocity"] = _visible_weakening(e, observations)
     timed = [o.time for o in observations if isinstance(o, Observation)]
     if "thermal_drift" in plant and not plant["thermal_drift"].unset and timed:
