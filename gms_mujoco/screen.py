@@ -138,7 +138,7 @@ class Screen:
         """An effect that the plant does not have with values for those that it lacks, from which a joint fit starts;
         None where the data cannot show it."""
         table = {p.name: p for p in effect.parameters}
-        chosen = {k: v for k, v in effect.values.items() if not (np.isnan(v).any() or np.all(v == table[k].default))}
+        chosen = {k: v for k, v in effect.values.items() if not np.all(np.isnan(v) | np.equal(v, table[k].default))}
         if grows(type(effect)) and "harmonics" not in effect.unset:
             found: Effect | None = None
             for order in np.atleast_1d(effect.values["harmonics"]):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .candidates import applicable, joined
+from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, fit_to_end, refine
@@ -133,6 +133,8 @@ class Search:
         result = fit_observations(self.start, self.seen, progress=report)
         if early := acting_early(result):
             result = fit_observations(self.start, early, progress=report)
+        for e in filter(is_open, self.start.effects):
+            self.start = self.start.replace(result.plant[e.name])
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
         self.shape()

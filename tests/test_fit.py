@@ -9,6 +9,7 @@ from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
+from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import FitResult, baseline, finished, fit, refine
@@ -147,22 +148,49 @@ def test_what_is_fixed_stays() -> None:
     assert found.error > 1.5 * found.floor
 
 
-def test_an_effect_without_values_starts_inside_its_bounds() -> None:
-    """However short the samples, from which a time constant is guessed."""
-    drift = effects.ThermalDrift(amplitude=0.4, time_constant=1.5)
-    found = fit(UNKNOWN + effects.ThermalDrift(), runs(HEALTHY + drift))
-    assert found.error < 1.1 * found.floor
-    assert found.plant["thermal_drift"].time_constant == pytest.approx(1.5, rel=0.05)
+BESIDE: list[Effect] = [
+    effects.Cogging(harmonics=[6, 11], amplitude=[0.2 * LEVEL, 0.1 * LEVEL], phase=[3.5, 0.4]),
+    effects.EncoderEccentricity(amplitude=0.02, phase=-2.0),
+    effects.FlexibleCoupling(inertia=J / 3, frequency=60, damping=0.05),
+    effects.Gravity(amplitude=0.3 * LEVEL, phase=-2.0),
+    effects.PositionDependentFriction(harmonics=[3], amplitude=[0.2], phase=[4.0]),
+    effects.ThermalDrift(amplitude=0.4, time_constant=1.5),
+    effects.TorqueSaturation(limit=2.5 * LEVEL),
+]
 
 
-def test_a_harmonic_has_to_be_given() -> None:
-    with pytest.raises(ModelError, match=r"cogging\.harmonics has no value"):
-        fit(UNKNOWN + effects.Cogging(elements=1), runs(HEALTHY))
-    amplitude, phase = 0.2 * LEVEL, 0.4
-    hidden = HEALTHY + effects.Cogging(harmonics=[6], amplitude=[amplitude], phase=[phase])
-    found = fit(UNKNOWN + effects.Cogging(harmonics=[6]), runs(hidden)).plant["cogging"]
-    assert found.amplitude[0] == pytest.approx(amplitude, rel=0.02)
-    assert math.remainder(found.phase[0] - phase, 2 * math.pi) == pytest.approx(0, abs=0.02)
+@pytest.mark.parametrize("effect", BESIDE, ids=lambda e: str(e.name))
+def test_an_effect_without_values_begins_with_what_the_data_show(effect: Effect) -> None:
+    """At a strength of zero nothing is seen of a frequency, and nothing leads to a phase on the other side."""
+    rr = runs(HEALTHY + effect)
+    found, known = fit(UNKNOWN + type(effect)(), rr), fit(HEALTHY + effect, rr)
+    assert found.error < 1.1 * known.error
+    ours, true = found.plant[effect.name], known.plant[effect.name]
+    if "harmonics" in ours.values:
+        order = np.argsort(ours.harmonics)
+        ours = ours.replace(**{p.name: np.take(ours.values[p.name], order) for p in ours.parameters if p.per_element})
+    for p in ours.parameters:
+        apart = np.subtract(ours.values[p.name], true.values[p.name])
+        apart -= 2 * np.pi * np.round(apart / (2 * np.pi)) * (p.name == "phase")
+        np.testing.assert_allclose(apart, 0, atol=0.03 * np.abs(true.values[p.name]).max() + 1e-6, err_msg=p.name)
+
+
+def test_values_that_are_given_stay_beside_those_that_are_not() -> None:
+    coupling = effects.FlexibleCoupling(inertia=J / 3, frequency=60, damping=0.05)
+    rr = runs(HEALTHY + coupling)
+    asked = UNKNOWN + effects.FlexibleCoupling(damping=0.1)
+    found = fit(asked, rr, fixed=["flexible_coupling.damping"]).plant["flexible_coupling"]
+    assert found.damping == 0.1 and found.frequency == pytest.approx(60, rel=0.05)
+    orders = fit(UNKNOWN + effects.Cogging(harmonics=[6, 11]), runs(HEALTHY + BESIDE[0])).plant["cogging"]
+    assert orders.harmonics == (6, 11)
+    np.testing.assert_allclose(orders.amplitude, BESIDE[0].amplitude, rtol=0.02)
+
+
+def test_an_effect_that_the_data_cannot_show_has_to_be_given() -> None:
+    """Less than a turn, in which no harmonic of it is told from an offset."""
+    short = run(HEALTHY, multisine(2000, SAMPLE_TIME, 5.0, 60.0, 0.4 * LEVEL, np.random.default_rng(0)))
+    with pytest.raises(ModelError, match="cogging has no values yet, and these data show nothing of it"):
+        fit(UNKNOWN + effects.Cogging(), [short])
 
 
 def test_a_delay_comes_back_whatever_its_size() -> None:
