@@ -240,7 +240,7 @@ def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = Non
         ModelError: a parameter has no value, or the plant takes a goal and the data have torques, or the reverse.
         DataError: there is nothing to compare with.
     """
-    driven(plant.complete(), data)
+    driven(plant, data).complete()
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
     return compare_observations(plant, observe(data, plant.inertia, bandwidth, plant))
 

@@ -198,6 +198,9 @@ def diagnose(
         ModelError: no effect has the name of one in `without`, or the plant takes a goal and the data have torques, or
             the other way round.
     """
+    if not isinstance(runs, Dataset):
+        raise DataError('a measurement set is expected first, as gms.load("folder") reads one, then a plant; '
+                        f"{type(runs).__name__} given")
     for name in without:
         effects.find(name)
     report = progress or (lambda done, message: None)

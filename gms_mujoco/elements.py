@@ -44,7 +44,7 @@ def choose_elements(
     if "gms" not in plant or "stiffness" not in plant["gms"].unset:
         raise ModelError("the number of elements is chosen for gms friction whose stiffness has no value yet")
     report = progress or (lambda done, message: None)
-    driven(plant, data)
+    driven(plant, data).expect_names(fixed)
     observations = observe(data, plant.inertia)
     found: list[tuple[FitResult, float, float]] = []
     for i, n in enumerate(counts):

@@ -141,11 +141,11 @@ def fit(
 
     Raises:
         DataError: nothing to fit, or a response that cannot be used alone.
-        ModelError: a parameter has no value and cannot be identified, or the plant takes a goal and the data have
-            torques, or the other way round.
+        ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, or it
+            takes a goal and the data have torques, or the other way round.
     """
     report = progress or (lambda done, message: None)
-    driven(plant, data)
+    driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     misfit, x = _from_the_data(plant, observations, fixed, report)
@@ -389,6 +389,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         status += f", noise floor {100 * floor:.2f} %"
     else:
         status = f"mean absolute position error {score.told(error)}, noise floor {score.told(floor)}"
+    if error > _NEAR_FLOOR * floor:
+        status += f". That is {error / floor:.2g} times the floor: `diagnose` looks for what is missing"
     if habit := _habit(misfit, x):
         status += f". {habit}"
     if stuck := never_slips(plant, observations):

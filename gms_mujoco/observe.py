@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from .dahl_resonance import identify_dahl
-from .errors import DataError
+from .errors import DataError, ModelError
 from .frf import FRF, usable
 from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled
 from .inverse import Observation
@@ -19,6 +20,7 @@ from .record import Record
 from .servo_observation import expect_servo, observe_servos
 from .servo_run import ServoRun
 
+_FEWEST = 3  # band-limited values of a record that tell anything
 _LEAST_DEVIATION = 3e-3  # of the torque in records: no model of one is better
 
 
@@ -26,10 +28,24 @@ Data = Record | FRF | ServoRun
 
 
 def driven(plant: Plant, data: Sequence[Data]) -> Plant:
-    """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round."""
+    """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round, and where it
+    is no plant, DataError where the data are no measurements."""
+    if not isinstance(plant, Plant):
+        raise ModelError(f"a plant is expected before the data, as gms.baseline() is one; {_kind(plant)} given")
+    if isinstance(data, str | Path) or not isinstance(data, Iterable):
+        raise DataError("the data are a list of records, frequency responses or runs, as those of a measurement set "
+                        f"are: gms.load(...).fit; {_kind(data)} given")
+    for other in (d for d in data if not isinstance(d, Data)):
+        raise DataError("the data are records, frequency responses or runs of a servo, as those of a measurement set "
+                        f"are: gms.load(...).fit; {_kind(other)} among them")
     if any(isinstance(d, ServoRun) for d in data):
         return expect_servo(plant)
     return plant.torque_driven()
+
+
+def _kind(value: object) -> str:
+    """What something is, for a message."""
+    return repr(value) if isinstance(value, str) else type(value).__name__
 
 
 def observe(
@@ -50,8 +66,11 @@ def observe(
             torque; None: from a first reading of the responses.
 
     Raises:
-        DataError: there is nothing to look at, nothing that moves, or no response can be used and why.
+        DataError: there is nothing to look at, nothing that moves, the band is none or narrower than the records can
+            show, or no response can be used and why.
     """
+    if bandwidth is not None and not 0 < bandwidth < math.inf:
+        raise DataError(f"a bandwidth is a positive number of Hz; {bandwidth:g} given")
     servos = [d for d in data if isinstance(d, ServoRun)]
     if servos:
         if len(servos) < len(data):
@@ -72,9 +91,11 @@ def observe(
     if plant is None and not bandwidth and records and not frfs and not any(np.ptp(r.position) for r in records):
         names = ", ".join(r.name for r in records)
         raise DataError(f"{names}: the position never changes; nothing can be learnt from a joint that does not move")
+    seen: list[Seen] = []
     if records:
-        bandwidth = bandwidth or choose_bandwidth(records, inertia)
-    seen: list[Seen] = [Observation(r, bandwidth) for r in records] if bandwidth else []
+        fastest = 0.5 / min(r.sample_time for r in records)
+        bandwidth = min(bandwidth or choose_bandwidth(records, inertia), fastest)
+        seen = [_through(r, bandwidth) for r in records]
     if not frfs:
         return seen
     scale = None
@@ -84,6 +105,16 @@ def observe(
         usual = math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
         scale = max(noise, _LEAST_DEVIATION * usual) * math.sqrt(2)  # of the two parts of a complex number together
     return [*seen, *rescaled(_balanced(observe_frfs(frfs), inertia, plant), scale)]
+
+
+def _through(record: Record, bandwidth: float) -> Observation:
+    """A record through a band [Hz]; DataError where it is too short for it."""
+    seen = Observation(record, bandwidth)
+    if len(seen.index) < _FEWEST:
+        long = record.time[-1] - record.time[0]
+        raise DataError(f"{record.name}: {long:.3g} s in {len(record)} samples are too short "
+                        f"for a bandwidth of {bandwidth:.3g} Hz; give more of it, or another bandwidth")
+    return seen
 
 
 def _balanced(

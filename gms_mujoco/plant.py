@@ -7,7 +7,7 @@ import json
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -68,6 +68,8 @@ class Plant:
         return cls(inertia, (), kind, inertia is not None)
 
     def __add__(self, effect: Effect) -> Plant:
+        if isinstance(effect, type) and issubclass(effect, Effect):
+            raise ModelError(f"{effect.__name__} is a kind of effect; add one of it, as in {effect.__name__}()")
         if not isinstance(effect, Effect):
             return NotImplemented
         return replace(self, effects=(*self.effects, effect))
@@ -185,6 +187,16 @@ class Plant:
         """Itself; raises ModelError naming the parameters that have no value yet."""
         if self.unset:
             raise ModelError(f"these parameters have no value yet: {listing(self.unset)}; give them, or fit first")
+        return self
+
+    def expect_names(self, names: Collection[str]) -> Plant:
+        """Itself; raises ModelError where it has no parameter of one of the names, "effect.parameter" or "inertia"."""
+        known = ["inertia", *(f"{e.name}.{p.name}" for e in self.effects for p in e.parameters)]
+        for name in [names] if isinstance(names, str) else names:
+            if name not in known:
+                raise ModelError(f"the plant has no parameter {name!r}; its parameters are {listing(known)}")
+        if isinstance(names, str):
+            raise ModelError(f"names are given as a list, as in [{names!r}]; {names!r} given")
         return self
 
     def torque_driven(self) -> Plant:

@@ -224,6 +224,8 @@ def test_progress_runs_forward_to_its_end() -> None:
 
 def test_there_must_be_something_to_fit() -> None:
     runs = dataset(HEALTHY)
+    with pytest.raises(DataError, match=r"a measurement set is expected first, .*; list given"):
+        diagnose(list(runs.all))  # type: ignore[arg-type]
     with pytest.raises(DataError, match="no fit records"):
         diagnose(replace(runs, records=runs.validate))
 

@@ -284,8 +284,34 @@ def test_progress_runs_forward_to_its_end() -> None:
 
 
 def test_what_cannot_be_fitted_is_said() -> None:
+    rr = runs(HEALTHY, seconds=1.0)
     with pytest.raises(DataError, match="no records"):
         fit(UNKNOWN, [])
+    with pytest.raises(ModelError, match=r"a plant is expected before the data, .*; list given"):
+        fit(rr, UNKNOWN)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=r"the data are a list .*; Record given"):
+        fit(UNKNOWN, rr[0])  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="int among them"):
+        fit(UNKNOWN, [3])  # type: ignore[list-item]
+    with pytest.raises(DataError, match=r"'data/dataset\.toml' given"):
+        fit(UNKNOWN, "data/dataset.toml")  # type: ignore[arg-type]
+    with pytest.raises(ModelError, match=r"no parameter 'gms\.level'; its parameters are gms\.attraction, "):
+        fit(UNKNOWN, rr, fixed=["gms.level"])
+    with pytest.raises(ModelError, match=r"as in \['inertia'\]"):
+        fit(UNKNOWN, rr, fixed="inertia")
+    with pytest.raises(ModelError, match=r"GMS is a kind of effect; .* GMS\(\)"):
+        Plant.axis(J) + effects.GMS  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("bandwidth", [-3.0, 0.0, math.nan, math.inf, 1e-3, 0.5])
+def test_a_band_that_shows_nothing_is_refused(bandwidth: float) -> None:
+    with pytest.raises(DataError, match=r"a bandwidth is a positive number of Hz|too short for a bandwidth of"):
+        fit(UNKNOWN, runs(HEALTHY, seconds=1.0), bandwidth=bandwidth)
+
+
+def test_a_band_ends_with_what_the_samples_can_tell() -> None:
+    rr = runs(HEALTHY, seconds=1.0)
+    assert fit(UNKNOWN, rr, bandwidth=1e9).plant.provenance["bandwidth"] == 0.5 / SAMPLE_TIME
 
 
 def test_the_default_baseline() -> None:
