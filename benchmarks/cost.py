@@ -26,6 +26,7 @@ from pathlib import Path
 import mujoco
 import mujoco.rollout
 import numpy as np
+from arguments import arguments
 from mujoco.batch import Batch
 
 from gms_mujoco import effects, engine, native
@@ -363,7 +364,7 @@ def main() -> None:
         for built in [build(source, v) for source in SOURCES.values() for v in VARIANTS.values()]:
             round_of(*built, COUNTED)
         return
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    rounds = arguments(__doc__, rounds=60)["rounds"]
     times(rounds)
     along(rounds)
     batch(rounds)

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from arguments import arguments
 
 import gms_mujoco as gms
 from gms_mujoco import demo, effects
@@ -118,6 +118,5 @@ def main(count: int, first: int, file: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    count, first, file = given + ["600", "1000", ""][len(given) :]
-    main(int(count), int(first), Path(file) if file else None)
+    given = arguments(__doc__, experiments=600, first=1000, file="")
+    main(given["experiments"], given["first"], Path(given["file"]) if given["file"] else None)

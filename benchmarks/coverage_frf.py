@@ -16,10 +16,10 @@ Seeds: experiment i comes from default_rng([31, i]); those from 1000 on were use
     python benchmarks/coverage_frf.py [EXPERIMENTS] [FIRST]
 """
 
-import sys
 from dataclasses import replace
 
 import numpy as np
+from arguments import arguments
 
 from gms_mujoco import effects
 from gms_mujoco.fit import fit
@@ -83,7 +83,7 @@ def experiment(i: int, lacking: bool) -> dict[str, bool]:
     return {n: found.uncertainty[n][0] <= true[n][0] <= found.uncertainty[n][1] for n in NAMES}
 
 
-def main(experiments: int = 300, first: int = 0) -> None:
+def main(experiments: int, first: int) -> None:
     print(f"share of 95 % intervals that hold the truth, {experiments} experiments")
     for name, lacking in (("perfect", False), ("lacks drag", True)):
         held = [experiment(i, lacking) for i in range(first, first + experiments)]
@@ -93,4 +93,4 @@ def main(experiments: int = 300, first: int = 0) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]))
+    main(**arguments(__doc__, experiments=300, first=0))

@@ -11,7 +11,6 @@ Run: OPENBLAS_NUM_THREADS=1 python benchmarks/gpu.py [largest number of worlds] 
 """
 
 import statistics
-import sys
 import time
 from collections.abc import Callable
 
@@ -19,6 +18,7 @@ import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
+from arguments import arguments
 
 import gms_mujoco as gms
 from gms_mujoco.warp import put_model
@@ -58,9 +58,7 @@ def seconds(run: Callable[[], None], times: int) -> float:
     return time.perf_counter() - start
 
 
-def main() -> None:
-    largest = int(sys.argv[1]) if len(sys.argv) > 1 else 4096
-    budget = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
+def main(largest: int, budget: float) -> None:
     wp.config.log_level = wp.LOG_WARNING
     bare = mujoco.MjModel.from_xml_path(str(gms.MODELS / "arm.xml"))
     plants = {"*": gms.Plant.load("arm_joint")}
@@ -85,4 +83,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(**arguments(__doc__, largest=4096, budget=4.0))

@@ -18,6 +18,7 @@ import math
 import sys
 
 import numpy as np
+from arguments import arguments
 from virgin_curve import COUNT, LEVEL, J, axis, plant_of, swept
 
 from gms_mujoco import control
@@ -85,7 +86,7 @@ def scores(i: int, coulomb: float) -> dict[str, list[float]]:
     return out
 
 
-def main(axes: int = 10) -> None:
+def main(axes: int) -> None:
     for what, coulomb in (("without", LEVEL), ("with", LEVEL / 1.2)):
         table = [scores(i, coulomb) for i in range(axes)]
         print(f"{f'median, {axes} axes':22} {'stiffness error [%]':>22}  {'amplitude':>10}  {'':>8}  {'drift per':>10}")
@@ -96,4 +97,4 @@ def main(axes: int = 10) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))
+    main(**arguments(__doc__, axes=10))

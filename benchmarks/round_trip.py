@@ -14,10 +14,10 @@ MuJoCo, which that noise, too, parts from its measurement. `off` is relative to 
 Seeds: axis i comes from default_rng([31, i]). Run: python benchmarks/round_trip.py [axes]
 """
 
-import sys
 from itertools import chain
 
 import numpy as np
+from arguments import arguments
 from coverage_frf import axis
 
 import gms_mujoco as gms
@@ -71,7 +71,7 @@ def in_mujoco(plant: Plant, frequency: float, torque: float, amplitude: float) -
     return g
 
 
-def main(axes: int = 2) -> None:
+def main(axes: int) -> None:
     table: list[list[list[float]]] = [[] for _ in range(AMPLITUDES)]
     for k in range(axes):
         plant = axis(np.random.default_rng([31, k]))
@@ -95,4 +95,4 @@ def main(axes: int = 2) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))
+    main(**arguments(__doc__, axes=2))

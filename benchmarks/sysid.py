@@ -25,6 +25,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from arguments import arguments
 from mujoco import sysid
 from scipy.signal import savgol_filter
 
@@ -170,7 +171,7 @@ def our_plants(runs: list[Record]) -> Found:
     return out
 
 
-def main(axes: int = 3) -> None:
+def main(axes: int) -> None:
     table: dict[str, list[list[float]]] = {}
     for i in range(axes):
         rng = np.random.default_rng([11, i])
@@ -196,4 +197,4 @@ def main(axes: int = 3) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))
+    main(**arguments(__doc__, axes=3))

@@ -8,11 +8,11 @@ Run: OPENBLAS_NUM_THREADS=1 python benchmarks/vector_env.py [largest size] [seco
 """
 
 import statistics
-import sys
 import time
 
 import gymnasium as gym
 import numpy as np
+from arguments import arguments
 
 import gms_mujoco as gms
 
@@ -34,9 +34,7 @@ def rate(env: gym.vector.VectorEnv, seconds: float) -> float:
             return steps * env.num_envs / spent
 
 
-def main() -> None:
-    largest = int(sys.argv[1]) if len(sys.argv) > 1 else 4096
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 1.0
+def main(largest: int, seconds: float) -> None:
     print(f"env-steps/s, median of {ROUNDS} rounds; {ID} with its defaults, gms_mujoco {gms.__version__}")
     print(f"{'size':>6s}" + "".join(f"{m:>12s}" for m in MODES) + f"{'ours over the better one':>28s}")
     size = 1
@@ -59,4 +57,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(**arguments(__doc__, largest=4096, seconds=1.0))

@@ -18,10 +18,10 @@ Seeds: axis i of every row comes from default_rng([7, i]). Run: python benchmark
 """
 
 import math
-import sys
 import time
 
 import numpy as np
+from arguments import arguments
 
 from gms_mujoco import effects
 from gms_mujoco.dahl_resonance import (
@@ -111,7 +111,7 @@ def row(name: str, values: list[list[float]]) -> None:
     print(f"{name:48} {cells}", flush=True)
 
 
-def main(axes: int = 50, swept_axes: int = 10) -> None:
+def main(axes: int, swept_axes: int) -> None:
     print(f"virgin-curve error [%], median (quartiles) over {axes} axes, {swept_axes} with stepped sines")
     print(f"{'':48} {'likelihood':24}  {'describing function':24}  {'secant':24}  {'local slope':24}")
     for noise in (0.0, 0.03):
@@ -162,4 +162,4 @@ def speed(axes: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]))
+    main(**arguments(__doc__, axes=50, swept_axes=10))
