@@ -146,8 +146,20 @@ def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
     q = np.array([0, 0.02, 0.02 - 1e-6, 0.02 - 1e-3])
     torque = -joint.replay(np.arange(4.0), q, np.gradient(q)).torque
     assert torque[1] == pytest.approx(1.2 * FC)
-    assert torque[2] == pytest.approx(0.8 * FC)
-    assert torque[3] == pytest.approx(0.8 * FC - 0.999e-3)
+    assert torque[2] == pytest.approx(0.8 * FC - 1e-6)
+    assert torque[3] == pytest.approx(0.8 * FC - 1e-3)
+
+
+def test_what_slid_at_speed_falls_by_as_much_as_the_level_does_at_a_reversal():
+    """From 1.2 of the level of its speed to 0.8 of that, and not of what the joint has at rest."""
+    law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=2 * FC, stribeck_velocity=VS, attraction=1.0)
+    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=0)).joint()
+    t, q = np.array([0, 1.0, 1.0 + 1e-9]), np.array([0, 100 * VS, 100 * VS - 1e-6])
+    fast, turned = -joint.replay(t, q, np.gradient(q, t)).torque[1:]
+    assert fast == pytest.approx(1.2 * FC)
+    assert turned == pytest.approx(0.8 * FC - 1e-6)
+    unwound = -joint.replay(t[:2], q[:2] - 100 * VS, np.full(2, 100 * VS)).torque[1]
+    assert unwound == pytest.approx(1.2 * FC)  # the first of a record, with nothing to fall from
 
 
 @pytest.mark.parametrize("attraction", [1e-6, 1.0, 1e6])

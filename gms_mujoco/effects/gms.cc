@@ -41,6 +41,7 @@ struct Way {
   double direction, distance;
   double along, against;  // multipliers of the level along the motion, and of what is carried against it
   double lowest;          // what is carried at most against it, at rest, of the fraction; below 0
+  double kept;            // share that is left of what has slipped against it: its level falls at once
   bool gives_way;         // whether an element with more slips
   double level, carried;  // the same at its speed, along the motion and against it
   double left;            // of a difference to that, what has not decayed
@@ -58,8 +59,9 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   const double scale = back ? at.backward : at.forward, other = back ? at.forward : at.backward;
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
   const double against = at.drops ? scale : other;
+  const bool drops = at.drops && !at.stiffens;  // in its level alone
   return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, against,
-          -p[2 * n + 1] * against, at.stiffens && scale < other, 0, 0, 0};
+          -p[2 * n + 1] * against, drops && scale < other ? scale / other : 1, at.stiffens && scale < other, 0, 0, 0};
 }
 
 // Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
@@ -69,7 +71,8 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
   const Way x = way;  // `next` does not write into it
   for (int i = 0; i < n; i++) {
     // Forces here grow in the direction of motion.
-    const double before = x.direction * state[2 * i + kForce], slip = state[2 * i + kSlip];
+    const double slip = state[2 * i + kSlip];
+    const double before = x.direction * state[2 * i + kForce] * (slip == -x.direction ? x.kept : 1.0);
     const double limit = fraction[i] * x.level, carried = fraction[i] * x.carried;
     const double lowest = fraction[i] * x.lowest, stuck = before + stiffness[i] * x.distance;
     // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
@@ -142,7 +145,7 @@ double torque(const double* p, int n, const Motion& m, const Level& level, const
   for (int i = 0; i < n; i++) {
     const double force = way.direction * state[2 * i + kForce] + stiffness[i] * way.distance;
     const bool sticks = force <= fraction[i] * most && force >= fraction[i] * least;
-    if (state[2 * i + kSlip] == way.direction || !sticks) {
+    if (state[2 * i + kSlip] == way.direction || (way.kept < 1 && state[2 * i + kSlip] != 0) || !sticks) {
       const double curve = curve_of(p + 2 * n, m);
       way.follow(curve, left_of(p + 2 * n, m, curve * way.along));
       return move(p, n, way, state, next);
