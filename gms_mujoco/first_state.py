@@ -7,6 +7,7 @@ blind; a coarse search per element is not. The opening of a record is enough for
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,25 +33,28 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
         memory: where to begin.
     """
     o = observation.opening(_OPENING)
-    applied, count = o.applied(plant, skew), range(len(memory))
-    lasting = [name for name, place in plant.memory_places.items() if place.stop > place.start]
-    if isinstance(o, Observation) and all(plant[name].separable for name in lasting):
+    applied = o.applied(plant, skew)
+    places = {name: range(p.start, p.stop) for name, p in plant.memory_places.items()}
+    apart = [name for name in places if isinstance(o, Observation) and plant[name].separable]
+    if isinstance(o, Observation) and any(places[name] for name in apart):
         # What an element does at each level does not depend on the others.
-        torques, known = _at_levels(o, plant, lasting, memory)
+        torques, known = _at_levels(o, plant, apart, memory)
         left = applied - known
         best = squared(left)
         now = torques[-1].copy()
         for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
-            for k in count:
+            for k in chain.from_iterable(places[name] for name in apart):
                 trial = left + (torques[level][k] - now[k])
                 cost = squared(trial)
                 if cost < best:
                     best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
+    others = [k for name, place in places.items() if name not in apart for k in place]
+    if not others:
         return
     grid = o.sparse
     best = squared(applied - o.needed(plant, memory, grid))
     for value in (*_LEVELS, *_LEVELS):
-        for k in count:
+        for k in others:
             kept, memory[k] = memory[k], value
             cost = squared(applied - o.needed(plant, memory, grid))
             if cost < best:

@@ -260,6 +260,16 @@ def test_a_record_may_begin_in_the_middle_of_a_motion() -> None:
     assert rms(unknown) > 2 * rms(known.misfit.residual(known.vector))
 
 
+def test_a_load_may_swing_where_a_record_begins() -> None:
+    """Behind a coupling that hardly damps it goes on for half a second, which had all been taken for friction."""
+    truth = HEALTHY + effects.FlexibleCoupling(inertia=J / 3, frequency=30, damping=0.02)
+    rr = [r.slice(round(0.3 / SAMPLE_TIME), round(1.3 / SAMPLE_TIME)) for r in runs(truth)]
+    rr = [replace(r, time=r.time - r.time[0]) for r in rr]
+    found = fit(UNKNOWN + effects.FlexibleCoupling(), rr)
+    assert found.error < 1.1 * found.floor
+    assert found.plant["flexible_coupling"].damping == pytest.approx(0.02, rel=0.05)
+
+
 def test_the_result_says_what_happened(fitted: FitResult) -> None:
     assert fitted.status == (
         f"torque error {100 * fitted.error:.2f} % of the torque up to 100 Hz, noise floor {100 * fitted.floor:.2f} %"

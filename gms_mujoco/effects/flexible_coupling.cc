@@ -3,6 +3,14 @@
 namespace {
 
 int n_state(int) { return gms::kHiddenState; }
+int n_memory(int) { return 2; }
+
+// How far the load is from rest, and its velocity relative to the joint, as a deflection [rad].
+void recall(const double* p, int, const double* unknown, double* state) {
+  state[gms::kDeflection] = unknown[0];
+  state[gms::kVelocity] = gms::kTurn * p[1] * unknown[1];
+  state[gms::kJointVelocity] = 0;
+}
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
   const double omega = gms::kTurn * p[1], zeta = p[2];
@@ -25,7 +33,7 @@ const gms::Effect gms_effect_flexible_coupling = {
     "J2 is a part of the axis's inertia J, and J - J2 moves with the joint: well below f, where tau = -J2 a, the drive\n"
     "feels J; well above it the motor alone. f is the resonance with the motor clamped; with the motor free it is\n"
     "f sqrt(J / (J - J2)). The motion of the load over an interval is the closed form for a joint that accelerates\n"
-    "evenly. At the first sample the load moves with the joint: another start dies out within a few 1/(zeta w).\n"
+    "evenly. In a simulation the load sets out with the joint; in what way it swings where a record begins a fit finds.\n"
     "Source: the two-mass system, e.g. Vukosavic and Stojic, IEEE Trans. Industrial Electronics 45 (1998).",
     "The torque error follows acceleration and turns sign across a resonance; the FRF has a zero before a pole.",
     "Excitation at high frequency, well beyond the resonance, at several amplitudes.",
@@ -33,8 +41,8 @@ const gms::Effect gms_effect_flexible_coupling = {
      {"frequency", "Hz", gms::kUnset, 1e-3, gms::kInfinity, false, true, "f, resonance of the load with the motor clamped"},
      {"damping", "1", 0.05, 0, 10, false, true, "zeta, relative to critical"}},
     n_state,
-    nullptr,
-    nullptr,
+    n_memory,
+    recall,
     nullptr,
     torque,
     nullptr,

@@ -84,7 +84,7 @@ struct Effect {
   int (*n_state)(int n);
   int (*n_memory)(int n);
 
-  // Sets `state` from unknowns in [-1, 1] (0: never moved). Null where there is no memory.
+  // Sets `state` from unknowns in [-1, 1] (0: never moved), which have no unit or are positions. Null where there is no memory.
   void (*recall)(const double* p, int n, const double* unknown, double* state);
 
   // Scales the level of the joint's friction laws. Null where the effect does not modulate friction.
