@@ -52,9 +52,9 @@ def solve(
     for _ in range(max_steps if len(columns) else 0):
         prior = misfit.prior * squared(r) / len(r)  # what is left says how much the data tell
         cost = squared(r) + float(prior @ x**2)
-        jacobian = misfit.jacobian(x, columns).T[columns].T
-        gradient = gram(jacobian, r) + prior[columns] * x[columns]
-        hessian = gram(jacobian, jacobian) + np.diag(prior[columns])
+        hessian, gradient = _normal(misfit, misfit.jacobian(x, columns), r, columns)
+        gradient += prior[columns] * x[columns]
+        hessian += np.diag(prior[columns])
         push = np.zeros(misfit.size)
         push[columns] = gradient
         seen = np.diag(hessian) * reach**2 > ROUNDING**2 * cost
@@ -83,6 +83,25 @@ def solve(
             break
         pace = fall
     return x
+
+
+def _normal(misfit: Misfit, jacobian: Array, r: Array, columns: NDArray[np.intp]) -> tuple[Array, Array]:
+    """(c, c) products of the derivatives by some unknowns (c,), and (c,) of them and the residual.
+
+    The rows of an observation know nothing of the states before others, which are most of the unknowns of many.
+    """
+    common = columns[columns < misfit.n_common]
+    if len(common) == len(columns):
+        part = jacobian.T[columns].T
+        return gram(part, part), gram(part, r)
+    hessian, gradient = np.zeros((misfit.size, misfit.size)), np.zeros(misfit.size)
+    for i, (rows, own_r) in enumerate(zip(np.split(jacobian, misfit.splits), np.split(r, misfit.splits), strict=True)):
+        begin, end = misfit.states(i)
+        own = np.append(common, columns[(columns >= begin) & (columns < end)])
+        part = rows.T[own].T
+        hessian[np.ix_(own, own)] += gram(part, part)
+        gradient[own] += gram(part, own_r)
+    return hessian[np.ix_(columns, columns)], gradient[columns]
 
 
 def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:

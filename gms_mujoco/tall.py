@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ROWS = 64
+_WORK = 2**18  # products of a matrix with another, and
+_WORK_OF_ONE = 2**13  # with a vector, that OpenBLAS works off on one core
 
 
 def gram(a: Array, b: Array) -> Array:
     """a.T @ b for a (m, p) and b (m, q) or (m,)."""
     out = a[:0].T @ b[:0]
-    for i in range(0, len(a), _ROWS):
-        out = out + a[i : i + _ROWS].T @ b[i : i + _ROWS]
+    rows = max((_WORK if b.ndim > 1 else _WORK_OF_ONE) // max(out.size, 1), _ROWS)
+    for i in range(0, len(a), rows):
+        out = out + a[i : i + rows].T @ b[i : i + rows]
     return out
 
 
