@@ -11,7 +11,7 @@ from .candidates import lean
 from .fit import FitResult, fit_to_end, refine
 from .held_out import HeldOut, p_value
 from .inverse import Observation
-from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, left_of, takes
+from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, least_fall, left_of, takes
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .placement import parted
@@ -47,8 +47,9 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         if velocity is not None:
             curve = weakened(curve, velocity * usual)
         misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
-        x = nudge(misfit, x)
-        if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
+        before, floor = left_of(now.misfit, now.vector), floor_of(now)
+        x = nudge(misfit, x, below=now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
+        if not takes(before, left_of(misfit, x), floor):
             continue
         now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
     return now, left

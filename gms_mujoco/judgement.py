@@ -115,7 +115,12 @@ def least_share(plant: Plant, effect: Effect) -> float:
 
 def takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:
     """Whether a good part of the squared error that is not noise is gone."""
-    return bool(before - after > max(share * (before - floor), LEAST_GAIN * before))
+    return bool(before - after > least_fall(before, floor, share))
+
+
+def least_fall(before: float, floor: float, share: float = LEAST_SHARE) -> float:
+    """By how much a squared error has to fall for that."""
+    return max(share * (before - floor), LEAST_GAIN * before)
 
 
 def at_floor(result: FitResult, held_out: HeldOut) -> bool:

@@ -104,11 +104,26 @@ def _normal(misfit: Misfit, jacobian: Array, r: Array, columns: NDArray[np.intp]
     return hessian[np.ix_(columns, columns)], gradient[columns]
 
 
-def nudge(misfit: Misfit, x: Array, max_steps: int = 6) -> Array:
-    """A few steps of the parameters alone, most by a coarse look: enough to see how good a fit will be."""
+def nudge(misfit: Misfit, x: Array, max_steps: int = 6, below: float = np.inf) -> Array:
+    """A few steps of the parameters alone, most by a coarse look: enough to see how good a fit will be.
+
+    Args:
+        misfit, x: the problem, and where to start.
+        max_steps: at most so many derivatives at a time.
+        below: a cost that is of use [N^2 m^2]; no exact look is taken where a coarse one says that it is out of reach.
+    """
     common, x = np.arange(misfit.n_common), misfit.settle(x)
-    near = approach(misfit, x, max_steps, 3e-3, common)
-    return solve(misfit, near, max_steps if near is x else max_steps // 3, 3e-3, common)
+    few = max_steps // 3
+    near = approach(misfit, x, max_steps + (few if below < np.inf else 0), 3e-3, common, below)
+    if near is not x and below < np.inf and _at_least(misfit, near) > below:
+        return near
+    return solve(misfit, near, max_steps if near is x else few, 3e-3, common, below)
+
+
+def _at_least(misfit: Misfit, x: Array) -> float:
+    """The cost that no exact look goes below where a coarse one finds nothing better than `x`, given its error there."""
+    coarse = misfit.coarsely().residual(x)
+    return max(squared(coarse) ** 0.5 - squared(coarse - misfit.residual(x)) ** 0.5, 0.0) ** 2
 
 
 def approach(
