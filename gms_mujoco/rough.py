@@ -22,14 +22,6 @@ _RUNS = 16  # of a servo, for a first look
 _ENOUGH = 160  # points of frequency responses, for a first look
 
 
-def rough_fit(
-    plant: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), below: float = math.inf
-) -> tuple[Misfit, Array]:
-    """The best of several starts after a few steps each, by a coarse look, with states before the records that are only
-    guessed; see `fit.refine` for `below`."""
-    return begun(best_start(plant, observations, fixed, below=below), observations, fixed)
-
-
 def best_start(
     plant: Plant,
     observations: Sequence[Seen],
@@ -37,7 +29,7 @@ def best_start(
     progress: Progress | None = None,
     below: float = math.inf,
 ) -> Plant:
-    """Where that of the starts leads that leaves the least after a few steps."""
+    """Where that of the starts leads that leaves the least after a few steps; see `fit.refine` for `below`."""
     report = progress or (lambda done, message: None)
     led: list[tuple[float, Plant]] = []
     some = fewer(observations)
@@ -52,10 +44,12 @@ def best_start(
     return min(led, key=lambda t: t[0])[1]
 
 
-def begun(start: Plant, observations: Sequence[Seen], fixed: Collection[str]) -> tuple[Misfit, Array]:
+def begun(
+    start: Plant, observations: Sequence[Seen], fixed: Collection[str] = (), below: float = math.inf
+) -> tuple[Misfit, Array]:
     """The misfit of a plant with all its values, and its vector, moved off where derivatives say nothing."""
     misfit = Misfit(start, observations, fixed)
-    return misfit, nudge(misfit, misfit.vector(start))
+    return misfit, nudge(misfit, misfit.vector(start), below=below)
 
 
 def fewer(observations: Sequence[Seen], enough: int = _ENOUGH) -> list[Seen]:

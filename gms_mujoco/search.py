@@ -46,7 +46,7 @@ from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .reading import TorqueReading, rung
-from .rough import fewer, rough_fit
+from .rough import begun, best_start, fewer
 from .screen import Candidate, Screen
 from .servo_observation import ServoObservation
 
@@ -219,10 +219,8 @@ class Search:
         out = []
         for c in candidates[:_AFRESH]:
             report(0.9, f"trying {c.effect.name} from the beginning")
-            for form in forms(c.effect, now.plant):
-                misfit, x = self._begun(joined(now.plant, c.effect.replace(**form)), some, cost)
-                if misfit.cost(x) < (1 - LEAST_SHARE) * cost:
-                    out.append((c.effect.name, misfit, x))
+            fits = self._begun(now.plant, c.effect, forms(c.effect, now.plant), some, cost)
+            out += [(c.effect.name, m, x) for m, x in fits if m.cost(x) < (1 - LEAST_SHARE) * cost]
         return out
 
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
@@ -440,13 +438,15 @@ class Search:
         """
         some = fewer(self.seen, _POINTS)
         fits: list[tuple[Misfit, Array]] = []
+        ways: list[tuple[float, dict[str, float]]] = []  # cost, form
         for form in forms(candidate.effect, current.plant):
             plant = joined(current.plant, candidate.effect.replace(**form))
             misfit, x = current.misfit.onto(plant, current.vector, some)
             fits.append((misfit, nudge(misfit, x)))
-            if candidate.strong:
-                strong = candidate.strong.replace(**form)
-                fits.append(self._begun(plant.replace(strong), some, min(m.cost(x) for m, x in fits)))
+            ways.append((misfit.cost(fits[-1][1]), form))
+        if candidate.strong:
+            ways.sort(key=lambda t: t[0])
+            fits += self._begun(current.plant, candidate.strong, [f for _, f in ways], some, ways[0][0])
         return min(fits, key=lambda t: t[0].cost(t[1]))
 
     @property
@@ -454,12 +454,15 @@ class Search:
         """Whether whole motions are simulated, and nothing is replayed along a measured one."""
         return any(isinstance(o, ServoObservation) for o in self.seen)
 
-    def _begun(self, plant: Plant, some: Sequence[Seen], below: float) -> tuple[Misfit, Array]:
-        """A rough fit with an effect that is strong: from the beginning, or of a servo, which bends less, from here."""
+    def _begun(
+        self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], some: Sequence[Seen], below: float
+    ) -> list[tuple[Misfit, Array]]:
+        """Rough fits with an effect that is strong, in each of its forms, the most promising first: from the beginning,
+        where they begin alike, or of a servo, which bends less, from here."""
+        plant = joined(plant, effect.replace(**ways[0]))
         if not self.simulated:
-            return rough_fit(self._fresh(plant), some, below=below)
-        misfit = Misfit(plant, some)
-        return misfit, nudge(misfit, misfit.vector(plant))
+            plant = best_start(self._fresh(plant), some, below=below)
+        return [begun(plant.replace(plant[effect.name].replace(**form)), some, below=below) for form in ways]
 
     def _limit(
         self, current: FitResult, special: str, general: str, rough: Sequence[tuple[str, Misfit, Array]]
