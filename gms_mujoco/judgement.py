@@ -34,6 +34,8 @@ _MOST = 0.5  # of what is not noise there, that an effect then has to take
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
+CLOSE = 1.5  # times what the best left: an effect that left more is none in its place
+NEARLY = 0.9  # of what the best took: one of fewer parameters that took as much is
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import effects
 from .fit import FitResult, refine
 from .held_out import HeldOut, p_value, scatter
-from .judgement import FALSE_DISCOVERY_RATE, Trial, carries, residual_of, simplest, without
+from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
@@ -22,8 +22,6 @@ from .search import Search, Step, forms
 Array = NDArray[np.float64]
 
 MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
-_CLOSE = 1.5  # times what the best left: an effect that left more then is not tried again
-_MOST = 0.9  # of what the best took: one of fewer parameters that took as much is
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
 
@@ -44,7 +42,7 @@ def exchange(search: Search) -> None:
             t
             for t in step.others
             if t.name in step.confusable_with
-            or (not search.at_floor and t.held_out.total < _CLOSE * step.held_out.total)
+            or (not search.at_floor and t.held_out.total < CLOSE * step.held_out.total)
             or _simpler(t, step, search.steps[k - 1])
         ]
         trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
@@ -63,7 +61,7 @@ def _simpler(trial: Trial, step: Step, before: Step) -> bool:
     """Whether an effect took most of what that of a step did, with fewer free parameters."""
     total = before.held_out.total
     fewer = trial.result.misfit.coordinates.size < step.result.misfit.coordinates.size
-    return fewer and total - trial.held_out.total > _MOST * (total - step.held_out.total)
+    return fewer and total - trial.held_out.total > NEARLY * (total - step.held_out.total)
 
 
 def _instead(search: Search, name: str, other: Trial) -> Trial:

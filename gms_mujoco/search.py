@@ -21,9 +21,11 @@ from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .judgement import (
     AT_FLOOR,
+    CLOSE,
     FALSE_DISCOVERY_RATE,
     FINALISTS,
     LEAST_SHARE,
+    NEARLY,
     Trial,
     at_floor,
     carries,
@@ -186,9 +188,10 @@ class Search:
         current = self.steps[-1].result
         for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
-            result = self._refitted(misfit, x)
-            if i == 0:
-                result = self._formed(name, self.best(result))
+            if trials:
+                result = self._refitted(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
+            else:
+                result = self._formed(name, self._whole(misfit, x))
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
@@ -249,14 +252,7 @@ class Search:
     def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
         now = self.steps[-1]
-        earned = [
-            t
-            for t in trials
-            if t.name in passed
-            and self.is_worth_it(t.result, t.held_out, least_share(now.result.plant, t.result.plant[t.name]))
-            and carries(t.name, now.result, t.result)
-            and self.selects(t.result)
-        ]
+        earned = [t for t in trials if t.name in passed and self._earns(t)]
         if not earned:
             return False
         if self.early(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
@@ -273,6 +269,13 @@ class Search:
         if (self.shape() and self._needless(name)) or self.early():
             self.first(lambda done, message: None)
         return True
+
+    def _earns(self, trial: Trial) -> bool:
+        """Whether a joint fit with one effect more is better than the current plant by all but its p value."""
+        now = self.steps[-1].result
+        share = least_share(now.plant, trial.result.plant[trial.name])
+        worth = self.is_worth_it(trial.result, trial.held_out, share)
+        return worth and carries(trial.name, now, trial.result) and self.selects(trial.result)
 
     def _accept_two(
         self,
@@ -496,9 +499,34 @@ class Search:
                 fresh = fresh.replace(e)
         return fresh
 
-    def _refitted(self, misfit: Misfit, x: Array) -> FitResult:
-        """A rough joint fit, made on some of the observations, taken to its end on all."""
-        return fit_to_end(Misfit(misfit.plant(x), self.seen), x)
+    def _refitted(self, misfit: Misfit, x: Array, below: float = math.inf) -> FitResult:
+        """A rough joint fit, made on some of the observations, taken to its end on all; see `refine` for `below`."""
+        return fit_to_end(Misfit(misfit.plant(x), self.seen), x, below=below)
+
+    def _whole(self, misfit: Misfit, x: Array) -> FitResult:
+        """`best` of a rough joint fit taken to its end; where that is well above the noise floor, and likely to stay
+        there, the one from the beginning comes first and may spare it."""
+        near = Misfit(misfit.plant(x), self.seen)
+        if left_of(near, x) <= AT_FLOOR**2 * floor_of(self.steps[-1].result):
+            return self.best(self._refitted(near, x))
+        begun = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
+        if begun.error <= AT_FLOOR * begun.floor:
+            return begun
+        return min(begun, self._refitted(near, x, begun.misfit.cost(begun.vector)), key=_error)
+
+    def _of_use(self, first: Trial, misfit: Misfit, tried: int) -> float:
+        """A squared residual above which another joint fit than the first says nothing.
+
+        Where the first is sure to earn its place that is one neither close to it, nor with fewer parameters and nearly
+        as good: see `recheck.exchange`.
+        """
+        now = self.steps[-1].result
+        sure = self._beside(now, self.held_out, first) <= FALSE_DISCOVERY_RATE / tried and self._earns(first)
+        if not sure:
+            return math.inf
+        cost, least = (r.misfit.cost(r.vector) for r in (now, first.result))
+        simpler = misfit.coordinates.size < first.result.misfit.coordinates.size
+        return max(CLOSE * least, cost - NEARLY * (cost - least) if simpler else 0.0)
 
     def best(self, result: FitResult) -> FitResult:
         """The same joint fit, or above the noise floor that from the beginning where it leaves less.
