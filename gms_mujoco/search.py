@@ -155,7 +155,7 @@ class Search:
         rough: list[tuple[str, Misfit, Array]] = []
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
-            rough.append((c.effect.name, *self._tried(current, c)))
+            rough.append((c.effect.name, *self._tried(current, c, self._worth_trying(current, rough))))
         rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
         trials = self._trials(rough, p_values, report)
         self.hint = ""
@@ -434,10 +434,29 @@ class Search:
                     again = cross_validated(alone.misfit, alone.vector)
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
 
-    def _tried(self, current: FitResult, candidate: Candidate) -> tuple[Misfit, Array]:
+    def _worth_trying(self, current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> float:
+        """A squared residual that a rough fit must come down to, to be looked at further beside these others.
+
+        That of a finalist; and once one is at the noise floor, close to that, or low enough to be simpler and as good.
+        """
+        if self.simulated or not rough:
+            return math.inf
+        cost, left = current.misfit.cost(current.vector), left_of(current.misfit, current.vector)
+        least = sorted(left_of(misfit, x) for _, misfit, x in rough)
+        below = least[FINALISTS] if len(least) > FINALISTS else math.inf
+        if least[0] <= AT_FLOOR**2 * floor_of(current):
+            below = min(below, max(CLOSE * least[0], left - NEARLY * (left - least[0])))
+        return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
+
+    def _tried(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.
 
         An effect that has several forms, which no fit chooses from, is tried in each.
+
+        Args:
+            current: the plant.
+            candidate: the effect.
+            below: a squared residual that is of use [N^2 m^2].
         """
         some = fewer(self.seen, _POINTS)
         fits: list[tuple[Misfit, Array]] = []
@@ -445,11 +464,11 @@ class Search:
         for form in forms(candidate.effect, current.plant):
             plant = joined(current.plant, candidate.effect.replace(**form))
             misfit, x = current.misfit.onto(plant, current.vector, some)
-            fits.append((misfit, nudge(misfit, x)))
+            fits.append((misfit, nudge(misfit, x, below=below)))
             ways.append((misfit.cost(fits[-1][1]), form))
         if candidate.strong:
             ways.sort(key=lambda t: t[0])
-            fits += self._begun(current.plant, candidate.strong, [f for _, f in ways], some, ways[0][0])
+            fits += self._begun(current.plant, candidate.strong, [f for _, f in ways], some, min(ways[0][0], below))
         return min(fits, key=lambda t: t[0].cost(t[1]))
 
     @property
