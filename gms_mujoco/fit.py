@@ -161,11 +161,11 @@ def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], 
     friction, of which a few steps tell little; that found where none does."""
     misfit, x = found.misfit, found.vector
     others = other_weakenings(plant, found.plant, misfit.observations)
-    for i, start in enumerate([] if _near_floor(found) else others):
+    for i, start in enumerate([] if near_floor(found) else others):
         report(0.8 + 0.2 * i / len(others), f"another weakening of friction, {i + 1} of {len(others)}")
         trial, there = misfit.onto(start, x, fixed=fixed)
         there = _refined(trial, there, below=_NEAR_FLOOR**2 * squared(found.floor_rows))
-        if trial.cost(there) < misfit.cost(x) and _near_floor(other := _finished(trial, there)):
+        if trial.cost(there) < misfit.cost(x) and near_floor(other := _finished(trial, there)):
             return other
     return found
 
@@ -286,14 +286,15 @@ def _begun_without(
         bare = bare + started
         near, there = misfit.onto(joined(misfit.plant(x), started), x, fixed=fixed)
         near, there = _to_end(near, nudge(near, there), fixed, 20, below)
-        if not _near_floor(_result(near, there)):
+        if not near_floor(_result(near, there)):
             afresh, other = _from_the_data(bare, observations, fixed, below=min(below, near.cost(there)))
             near, there = (afresh, other) if afresh.cost(other) < near.cost(there) else (near, there)
         misfit, x = near, there
     return misfit, x
 
 
-def _near_floor(found: FitResult) -> bool:
+def near_floor(found: FitResult) -> bool:
+    """Whether a fit leaves hardly more than the sensors."""
     return squared(found.misfit.residual(found.vector)) <= _NEAR_FLOOR**2 * squared(found.floor_rows)
 
 

@@ -121,7 +121,7 @@ def nudge(misfit: Misfit, x: Array, max_steps: int = 6, below: float = np.inf) -
 
 
 def _at_least(misfit: Misfit, x: Array) -> float:
-    """The cost that no exact look goes below where a coarse one finds nothing better than `x`, given its error there."""
+    """The cost that no exact look goes below where a coarse one finds nothing better than `x`, from its error there."""
     coarse = misfit.coarsely().residual(x)
     return max(squared(coarse) ** 0.5 - squared(coarse - misfit.residual(x)) ** 0.5, 0.0) ** 2
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ from .inverse import Observation, count_size
 from .linear_model import LinearModel
 from .misfit import Misfit
 from .place_spectrum import standing_out
+from .plant import Plant
 from .scales import Scales
 from .tall import gram, squared
 
@@ -50,6 +52,7 @@ _FEWEST_COUNTS = 6  # of the encoder in a period
 _SLOW = 0.2  # of the time, at least, in which a harmonic must be slow enough for the band
 _LENGTHS, _PERIODS = 8, 3  # of the travel, which waves on a slide joint are a whole number of, and they in the travel
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
+_AT_ONCE = 7  # choices of an effect's other parameters that are looked at in one pass over the records
 _STEP = 1e-3  # of the typical strength, for the derivative
 
 
@@ -72,6 +75,21 @@ class Candidate:
     columns: Array | None = None
 
 
+class _Tangents(NamedTuple):
+    """What an effect does that is weak, with one choice of its other parameters.
+
+    Attributes:
+        shape: that choice.
+        names: (k,) which strength and phase each tangent belongs to.
+        columns, free: (m, k) derivatives of the residual, and (m + p, k) those without what the unknowns can do.
+    """
+
+    shape: dict[str, float]
+    names: list[tuple[str, float]]
+    columns: Array
+    free: Array
+
+
 @dataclass
 class _Best:
     """The best so far by tangents, and at strengths that are not small: gain, effect, columns."""
@@ -79,7 +97,7 @@ class _Best:
     weak: tuple[float, Effect, Array] | None = None
     strong: tuple[float, Effect, Array] | None = None
     shape: dict[str, float] | None = None  # of the best by its tangents
-    tried: list[tuple[dict[str, float], list[tuple[str, float]], Array, Array]] = field(default_factory=list)
+    tried: list[_Tangents] = field(default_factory=list)
     out_of_bounds: Effect | None = None
 
 
@@ -113,8 +131,10 @@ class Screen:
         """
         best, given = _Best(), given or {}
         tried = [*shapes(effect, self.scales, self.misfit.observations, self.plant), *self._finer(effect)]
-        for shape in {tuple((shape | given).items()): shape | given for shape in tried}.values():
-            self._try(best, effect, shape)
+        todo = list({tuple((shape | given).items()): shape | given for shape in tried}.values())
+        for i in range(0, len(todo), _AT_ONCE):
+            for tangents in self._tangents(effect, todo[i : i + _AT_ONCE]):
+                self._try(best, effect, tangents)
         # Between the values of the grid, as far as the best by its tangents leads.
         for factor in _FINER:
             for name in [k for k in (best.shape or {}) if is_continuous(effect, k) and k not in given]:
@@ -123,7 +143,7 @@ class Screen:
                 for by in (factor, 1 / factor):
                     table = {p.name: p for p in effect.parameters}[name]
                     value = float(np.clip(around[name] * by, table.lower, table.upper))
-                    self._try(best, effect, {**around, name: value})
+                    self._try(best, effect, next(self._tangents(effect, [{**around, name: value}])))
         if best.weak is None and best.strong is None:
             # It can be seen, but every strength that is allowed makes things worse.
             return Candidate(best.out_of_bounds, 0.0, self.held_out) if best.out_of_bounds else None
@@ -195,35 +215,34 @@ class Screen:
         begun = effect.name in self.plant
         least = _STANDS_OUT / 4 if begun else _STANDS_OUT
         shape = best.shape
-        chosen = [next(t for t in best.tried if t[0] == shape)]
+        chosen = [next(t for t in best.tried if t.shape == shape)]
         # Of thousands some stand out by chance beside a strong one: what is finer is looked at once that is there.
         finest = max(ORDERS, shape["harmonics"])
-        others = [t for t in best.tried if t[0] != shape and t[0]["harmonics"] <= finest]
+        others = [t for t in best.tried if t.shape != shape and t.shape["harmonics"] <= finest]
         while True:
-            basis = linalg.orth(np.column_stack([free for *_, free in chosen]))
+            basis = linalg.orth(np.column_stack([t.free for t in chosen]))
             left = self.model.target - basis @ (basis.T @ self.model.target)
             if not others or len(chosen) == _TOGETHER:
                 break
-            gains = [_projected(free - basis @ (basis.T @ free), left) for *_, free in others]
+            gains = [_projected(t.free - basis @ (basis.T @ t.free), left) for t in others]
             k = int(np.argmax(gains))
             if gains[k] < least * float(left @ left):
                 break
             chosen.append(others.pop(k))
         if len(chosen) == 1 or (not begun and float(left @ left) > _MOSTLY * self._left):
             return best.weak
-        free, columns = np.column_stack([t[3] for t in chosen]), np.column_stack([t[2] for t in chosen])
+        free, columns = np.column_stack([t.free for t in chosen]), np.column_stack([t.columns for t in chosen])
         strength = -_least_squares(free, self.model.target, (free**2).sum(0) > 0)
         found: Effect | None = None
-        for (of, names, _, _), pair in zip(chosen, strength.reshape(len(chosen), -1), strict=True):
-            one = with_strengths(effect, of, names, pair, self.scales)
+        for t, pair in zip(chosen, strength.reshape(len(chosen), -1), strict=True):
+            one = with_strengths(effect, t.shape, t.names, pair, self.scales)
             found = one if found is None else merged(found, one)
         assert found is not None
         return (self._left - float(left @ left), found, columns)
 
-    def _try(self, best: _Best, effect: type[Effect], shape: dict[str, float]) -> None:
+    def _try(self, best: _Best, effect: type[Effect], tangents: _Tangents) -> None:
         """Scores an effect with one choice of its other parameters; `best` keeps it where it is better."""
-        columns, names = self._tangents(effect, shape)
-        free = self.model.without(columns)
+        shape, names, columns, free = tangents
         seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
         # What does nothing at a strength that would matter is nothing but rounding.
         typical = np.array([self.scales[u] for u in units_of(effect, names)])
@@ -239,7 +258,7 @@ class Screen:
         best.out_of_bounds = best.out_of_bounds or started
         if seen.any():
             if grows(effect):
-                best.tried.append((shape, names, columns, free))
+                best.tried.append(tangents)
             gain = self._compared(self._gain(free @ strength), started)
             if best.weak is None or gain > best.weak[0]:
                 best.weak, best.shape = (gain, started, columns[:, seen]), shape
@@ -252,8 +271,7 @@ class Screen:
     def at(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Effect, Array, HeldOut] | None:
         """An effect of one shape as strong as in a linear refit; what it does to the residual (m,), and what is left of
         each block not seen. None where it cannot be seen."""
-        columns, names = self._tangents(effect, shape)
-        free = self.model.without(columns)
+        _, names, columns, free = next(self._tangents(effect, [shape]))
         seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
         if not seen.any():
             return None
@@ -292,18 +310,29 @@ class Screen:
         change = self.misfit.change(self.vector, joined(self.plant, effect), effect.name)
         return change * self.model.determined
 
-    def _tangents(self, effect: type[Effect], shape: dict[str, float]) -> tuple[Array, list[tuple[str, float]]]:
-        """(m, k) derivatives of the residual, and which strength and phase each belongs to."""
+    def _tangents(self, effect: type[Effect], some: Sequence[dict[str, float]]) -> Iterator[_Tangents]:
+        """The tangents of an effect with each of several choices of its other parameters."""
         if not strengths(effect):  # absent only at the end of its range: its whole change
-            return self._change(valued(effect, shape, {}))[:, None], [("", 0.0)]
-        columns, names = [], []
-        phases = (0.0, math.pi / 2) if has_phase(effect) else (0.0,)
-        for p, phase in itertools.product(strengths(effect), phases):
-            step = _STEP * self.scales[p.unit]
-            trial = valued(effect, {**shape, **({"phase": phase} if has_phase(effect) else {})}, {p.name: step})
-            columns.append(self._change(trial) / step)
-            names.append((p.name, phase))
-        return np.stack(columns, 1), names
+            names = [("", 0.0)]
+            columns = np.stack([self._change(valued(effect, shape, {})) for shape in some], 1)
+        else:
+            phases = (0.0, math.pi / 2) if has_phase(effect) else (0.0,)
+            names = [(p.name, phase) for p, phase in itertools.product(strengths(effect), phases)]
+            table = {p.name: p for p in effect.parameters}
+            steps = {name: _STEP * self.scales[table[name].unit] for name, _ in names}
+
+            def plant(shape: dict[str, float], phase: float, strength: dict[str, float]) -> Plant:
+                turned = {"phase": phase} if has_phase(effect) else {}
+                return joined(self.plant, valued(effect, shape | turned, strength))
+
+            without = plant(some[0], 0.0, dict.fromkeys(steps, 0.0))
+            there = [plant(shape, phase, {name: steps[name]}) for shape in some for name, phase in names]
+            columns = self.misfit.changes(self.vector, without, there, effect.name)
+            columns = columns * self.model.determined[:, None] / np.tile([steps[name] for name, _ in names], len(some))
+        free = np.asfortranarray(self.model.without(columns))
+        for i, shape in enumerate(some):
+            own = slice(i * len(names), (i + 1) * len(names))
+            yield _Tangents(shape, names, columns[:, own], free[:, own])
 
     @staticmethod
     def _allowed(effect: type[Effect], names: Sequence[tuple[str, float]], strength: Array) -> Array:

@@ -14,7 +14,7 @@ from . import effects
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, fit_to_end, refine
+from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, fit_to_end, near_floor, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
@@ -523,15 +523,15 @@ class Search:
         return fit_to_end(Misfit(misfit.plant(x), self.seen), x, below=below)
 
     def _whole(self, misfit: Misfit, x: Array) -> FitResult:
-        """`best` of a rough joint fit taken to its end; where that is well above the noise floor, and likely to stay
-        there, the one from the beginning comes first and may spare it."""
+        """`best` of a rough joint fit taken to its end; above the noise floor, where that may stay, the one
+        from the beginning comes first and may spare it."""
         near = Misfit(misfit.plant(x), self.seen)
         if left_of(near, x) <= AT_FLOOR**2 * floor_of(self.steps[-1].result):
             return self.best(self._refitted(near, x))
-        begun = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
-        if begun.error <= AT_FLOOR * begun.floor:
-            return begun
-        return min(begun, self._refitted(near, x, begun.misfit.cost(begun.vector)), key=_error)
+        afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
+        if near_floor(afresh):
+            return afresh
+        return min(self._refitted(near, x, afresh.misfit.cost(afresh.vector)), afresh, key=_error)
 
     def _of_use(self, first: Trial, misfit: Misfit, tried: int) -> float:
         """A squared residual above which another joint fit than the first says nothing.

@@ -15,7 +15,7 @@ from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import FitResult, baseline, finished, fit, refine
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
-from gms_mujoco.least_squares import approach, solve
+from gms_mujoco.least_squares import approach, nudge, solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -379,6 +379,19 @@ def test_a_coarse_look_leads_near_and_not_away(fitted: FitResult) -> None:
     far = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-4)))
     assert misfit.cost(approach(misfit, far, 20)) < 0.01 * misfit.cost(far)
     np.testing.assert_array_equal(approach(misfit, fitted.vector, 20), fitted.vector)  # its error is more than is left
+
+
+def test_what_a_coarse_look_rules_out_is_not_looked_at_exactly(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = HEALTHY + effects.TorqueOffset(torque=0.5 * LEVEL)
+    misfit = Misfit(HEALTHY, observe(runs(plant, seconds=1.5), J))
+    exact, whole = [], Misfit.jacobian
+    monkeypatch.setattr(Misfit, "jacobian", lambda m, *a: exact.append(not m.coarse) or whole(m, *a))
+    x = nudge(misfit, misfit.vector(HEALTHY))
+    assert any(exact)
+    exact.clear()
+    nudge(misfit, misfit.vector(HEALTHY), below=0.3 * misfit.cost(x))
+    assert exact and not any(exact)
+    np.testing.assert_array_less(misfit.cost(nudge(misfit, x, below=1.1 * misfit.cost(x))), 1.01 * misfit.cost(x))
 
 
 def test_a_fit_is_finished_with_its_intervals() -> None:

@@ -5,6 +5,7 @@ import pytest
 from bench import HEALTHY, LEVEL, J, rms, runs
 
 from gms_mujoco import effects
+from gms_mujoco.least_squares import _normal
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -92,3 +93,28 @@ def test_no_plant_has_more_behind_a_coupling_than_its_inertia(problem: tuple[Mis
     coupling = MANY["flexible_coupling"]
     impossible = misfit.vector(MANY.replace(coupling.replace(inertia=1.01 * J)))
     assert misfit.cost(impossible) > 1e5 * misfit.cost(misfit.vector(MANY.replace(coupling.replace(inertia=0.99 * J))))
+
+
+def test_weak_effects_that_are_looked_at_together_change_what_each_does_alone() -> None:
+    misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.5), J))
+    x, size = misfit.vector(HEALTHY), 1e-3 * LEVEL
+    for made in (
+        lambda k: effects.find("cogging")(harmonics=[5 + k], amplitude=[k * size], phase=[0.3]),
+        lambda k: effects.find("position_dependent_friction")(harmonics=[5 + k], amplitude=[1e-3 * k], phase=[0.3]),
+        lambda k: effects.find("asymmetric_friction")(level=1e-3 * k),
+        lambda k: effects.find("torque_offset")(torque=k * size),
+    ):
+        name, (without, *there) = made(0).name, [HEALTHY + made(k) for k in range(3)]
+        alone = np.stack([misfit.change(x, plant, name) for plant in there], 1)
+        assert rms(misfit.changes(x, without, there, name) - alone) < 1e-3 * rms(alone), name
+
+
+def test_a_step_of_least_squares_is_that_of_all_rows(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    """Although the rows of a record are worked on without the states before others."""
+    misfit, x, jacobian = problem
+    r = misfit.residual(x)
+    for columns in (np.arange(misfit.size), np.arange(3, misfit.n_common), np.array([0, 4, misfit.size - 2])):
+        normal, gradient = _normal(misfit, jacobian, r, columns)
+        some = jacobian[:, columns]
+        np.testing.assert_allclose(normal, some.T @ some, rtol=1e-9, atol=1e-12 * np.abs(normal).max())
+        np.testing.assert_allclose(gradient, some.T @ r, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
