@@ -29,6 +29,7 @@ FALSE_DISCOVERY_RATE = 0.01
 LEAST_SHARE = 0.2
 LEAST_GAIN = 0.05  # of all the squared error: less is not told from what the noise is known by
 AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is known no better
+_MUCH = 0.4  # of what is not noise, where that is little and known no better than the noise
 _SOME = 0.2  # of the rows, in which an axis slides, at least, for that to be judged by itself
 _MOST = 0.5  # of what is not noise there, that an effect then has to take
 FINALISTS = 2  # of them, that do something different, fitted to the end
@@ -144,7 +145,7 @@ def is_worth_it(
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
     the noise is less says nothing for an effect, see `_quieter`.
     """
-    if takes_of_sliding(now, before, result, after):
+    if takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after):
         return True
     quiet = at_floor(now, before)
     floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
@@ -171,6 +172,21 @@ def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: 
     left, gone = (float(np.sum(h.rows[rows] ** 2)) for h in (before, after))
     floor = max(float(np.sum(r.floor_rows[rows] ** 2)) for r in (now, result)) / size
     return left > AT_FLOOR**2 * floor and takes(left, gone, floor, _MOST)
+
+
+def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
+    """At the noise floor, whether an effect takes much of the little that noise does not explain.
+
+    Of a torque along the motion alone: what filters a reading, of torque or position, passes on less of its noise.
+    """
+    added = [e for e in result.plant.effects if e.name not in now.plant]
+    if not at_floor(now, before) or len(added) != 1 or added[0].kind not in ("friction", "mechanics"):
+        return False
+    if swings(added[0]):
+        return False
+    floor, quieter = min(floor_of(now), floor_of(result)), _quieter(now, result)
+    fits = left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
+    return all(takes(a, b + quieter, floor, _MUCH) for a, b in ((before.total, after.total), fits))
 
 
 def _quieter(now: FitResult, result: FitResult) -> float:

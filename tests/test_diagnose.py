@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, runs
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -220,6 +220,16 @@ def test_progress_runs_forward_to_its_end() -> None:
     d = diagnose(dataset(drag), Plant.axis(J) + effects.Viscous(), progress=lambda done, text: told.append(done))
     assert told == sorted(told) and told[0] >= 0 and told[-1] == 1.0
     assert d.verdict == "adequate"
+
+
+def test_a_weak_torque_is_found_at_the_noise_floor() -> None:
+    """A drag of an eighth of the friction at 30 rad/s beside twenty times the noise: a few percent of what is left."""
+    loud = 20 * TORQUE_NOISE
+    drag = HEALTHY + effects.QuadraticDrag(coefficient=0.12 * LEVEL / 30**2)
+    found, healthy = (diagnose(dataset(plant, torque_noise=loud), UNKNOWN) for plant in (drag, HEALTHY))
+    assert [s.effect for s in found.steps] == [None, "quadratic_drag"] and found.verdict == "explained"
+    assert found.steps[0].result.error < 1.2 * found.steps[0].result.floor
+    assert healthy.verdict == "adequate" and len(healthy.steps) == 1
 
 
 def test_there_must_be_something_to_fit() -> None:
