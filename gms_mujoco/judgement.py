@@ -143,8 +143,11 @@ def is_worth_it(
     block by that any other start of the refits predicts it better.
 
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
-    the noise is less says nothing for an effect, see `_quieter`.
+    the noise is less says nothing for an effect, see `_quieter`; nor does what holds in the upper half of the band
+    alone, see `_holds_below`.
     """
+    if not _holds_below(now, before, result, share):
+        return False
     if takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after):
         return True
     quiet = at_floor(now, before)
@@ -154,6 +157,25 @@ def is_worth_it(
     if not takes(left_of(now.misfit, now.vector), left_of(result.misfit, result.vector), floor, share):
         return False
     return not quiet or takes(before.total, after.total + _quieter(now, result), 0.0, share)
+
+
+def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: float) -> bool:
+    """Whether what an effect in the path of the torque takes, or one that swings, holds in the lower half of the band.
+
+    A controller answers the noise of its own encoder, and the torque that it asks for then seems to come late, by its
+    gain of the velocity over the inertia: what is left falls by half where it is that noise, at the upper end of the
+    band. What does come late does so at any frequency: at the noise floor it has to take its share there too.
+    """
+    added = [e for e in result.plant.effects if e.name not in now.plant]
+    drives = any(type(e).deliver is not Effect.deliver for e in added)
+    if not drives and not any(map(swings, added)):
+        return True
+    seen = [o for o in now.misfit.observations if isinstance(o, Observation)]
+    if len(seen) < len(now.misfit.observations):
+        return True
+    below = [replace(o, bandwidth=o.bandwidth / 2) for o in seen]
+    left, gone = (left_of(*r.misfit.onto(r.plant, r.vector, below)) for r in (now, result))
+    return takes(left, gone, 0.0, share) if drives and at_floor(now, before) else gone <= (1 + LEAST_GAIN) * left
 
 
 def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
@@ -177,7 +199,7 @@ def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: 
 def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
     """At the noise floor, whether an effect takes much of the little that noise does not explain.
 
-    Of a torque along the motion alone: what filters a reading, of torque or position, passes on less of its noise.
+    Of friction and mechanics alone: what filters a reading, of torque or position, passes on less of its noise.
     """
     added = [e for e in result.plant.effects if e.name not in now.plant]
     if not at_floor(now, before) or len(added) != 1 or added[0].kind not in ("friction", "mechanics"):

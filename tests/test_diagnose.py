@@ -14,9 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gms_mujoco import effects
+from gms_mujoco.bench import run_loop
+from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diagnose
 from gms_mujoco.errors import DataError
+from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -230,6 +233,25 @@ def test_a_weak_torque_is_found_at_the_noise_floor() -> None:
     assert [s.effect for s in found.steps] == [None, "quadratic_drag"] and found.verdict == "explained"
     assert found.steps[0].result.error < 1.2 * found.steps[0].result.floor
     assert healthy.verdict == "adequate" and len(healthy.steps) == 1
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.5e-3])
+def test_a_controller_that_answers_the_noise_of_its_encoder_is_no_delay(delay: float) -> None:
+    """What it asks for seems to come late where that noise is what is left; a torque that does is still found."""
+    truth, records = HEALTHY + effects.Delay(time=delay) if delay else HEALTHY, []
+    for use in ("fit", "validate"):
+        for i, (low, high, size) in enumerate(((0.3, 2.0, 1.0), (0.5, 4.0, 0.3), (1.0, 8.0, 0.1))):
+            reference = multisine(4000, SAMPLE_TIME, low, high, size, np.random.default_rng([0, i, len(use)]))
+            loop = run_loop(
+                truth, PID(J, SAMPLE_TIME, bandwidth=15.0), reference, SAMPLE_TIME, position=float(reference[0]),
+                resolution=2 * np.pi / 4096, position_noise=4 * np.pi / 4096, torque_noise=TORQUE_NOISE, seed=i,
+                name=f"{use} {i}", use=use,
+            )  # fmt: skip
+            records.append(loop)
+    found = diagnose(Dataset(Path(), tuple(records), inertia=J), UNKNOWN)
+    first = found.steps[1] if len(found.steps) > 1 else None
+    assert (first is None) == (not delay)
+    assert first is None or "delay" in (first.effect, *first.confusable_with)
 
 
 def test_there_must_be_something_to_fit() -> None:
