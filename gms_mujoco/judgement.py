@@ -160,22 +160,23 @@ def is_worth_it(
 
 
 def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: float) -> bool:
-    """Whether what an effect in the path of the torque takes, or one that swings, holds in the lower half of the band.
+    """At the noise floor, whether what an effect in the path of the torque takes, or one that swings, holds in the
+    lower half of the band.
 
     A controller answers the noise of its own encoder, and the torque that it asks for then seems to come late, by its
     gain of the velocity over the inertia: what is left falls by half where it is that noise, at the upper end of the
-    band. What does come late does so at any frequency: at the noise floor it has to take its share there too.
+    band. What does come late does so at any frequency, and has to take its share there too.
     """
     added = [e for e in result.plant.effects if e.name not in now.plant]
     drives = any(type(e).deliver is not Effect.deliver for e in added)
-    if not drives and not any(map(swings, added)):
+    if not at_floor(now, before) or not (drives or any(map(swings, added))):
         return True
     seen = [o for o in now.misfit.observations if isinstance(o, Observation)]
     if len(seen) < len(now.misfit.observations):
         return True
     below = [replace(o, bandwidth=o.bandwidth / 2) for o in seen]
     left, gone = (left_of(*r.misfit.onto(r.plant, r.vector, below)) for r in (now, result))
-    return takes(left, gone, 0.0, share) if drives and at_floor(now, before) else gone <= (1 + LEAST_GAIN) * left
+    return takes(left, gone, 0.0, share) if drives else gone <= (1 + LEAST_GAIN) * left
 
 
 def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
