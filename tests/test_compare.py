@@ -9,10 +9,11 @@ import pytest
 from bench import HEALTHY, J, rms, runs
 
 from gms_mujoco import effects
-from gms_mujoco.compare import WINDOW, Comparison, compare
+from gms_mujoco.compare import WINDOW, Comparison, compare, quick_error
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
+from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
 
@@ -31,6 +32,23 @@ def test_the_true_plant_is_at_the_floor() -> None:
 
 def test_the_true_plant_with_friction_is_at_the_floor(healthy: Comparison) -> None:
     assert 0.8 * healthy.noise_floor < healthy.torque_error < 1.3 * healthy.noise_floor
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        HEALTHY,
+        HEALTHY + effects.Backlash(inertia=J / 3, gap=0.01, frequency=30),
+        Plant.axis(J) + effects.FlexibleCoupling(inertia=J / 3, frequency=30) + HEALTHY["viscous"] + HEALTHY["gms"],
+    ],
+    ids=["less", "another", "in another order"],
+)
+def test_an_error_near_a_comparison_takes_the_states_of_the_effects_that_both_plants_have(other: Plant) -> None:
+    coupled = HEALTHY + effects.FlexibleCoupling(inertia=J / 3, frequency=30)
+    rr = runs(coupled, "validate", seconds=1.0)
+    near, whole = compare(coupled, rr), compare(other, rr)
+    quick = quick_error(other, observe(rr, J, near.bandwidth, other), near)
+    assert whole.torque_error * 0.99 < quick < 1.2 * whole.torque_error
 
 
 @pytest.mark.parametrize(
