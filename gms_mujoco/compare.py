@@ -280,22 +280,11 @@ def quick_error(plant: Plant, observations: Sequence[Seen], near: Comparison) ->
         return POSITION.pooled(wrong, wrong)
     skew = float(plant.provenance.get("clock_skew", 0.0))
     applied = [o.applied(plant, skew) for o in observations]
-    memories = [_carried(r.memory, near.plant, plant) for r in near.records]
+    memories = [plant.carried(near.plant, r.memory) for r in near.records]
     memories += [np.empty(0)] * len(near.frfs)
     pairs = zip(observations, memories, strict=True)
     needed = each(lambda pair: pair[0].needed(plant, pair[1] if len(pair[1]) else None), pairs)
     return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
-
-
-def _carried(memory: Array | None, near: Plant, plant: Plant) -> Array:
-    """(n_memory,) state before a record of the effects of a plant: as those of another one stood, else never moved."""
-    places = near.memory_places
-    out = np.zeros(plant.joint().n_memory)
-    for name, place in plant.memory_places.items():
-        there = places.get(name)
-        if memory is not None and there is not None and there.stop - there.start == place.stop - place.start:
-            out[place] = memory[there]
-    return out
 
 
 def _memory(plant: Plant, o: Observation) -> Array | None:

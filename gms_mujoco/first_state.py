@@ -7,7 +7,6 @@ blind; a coarse search per element is not. The opening of a record is enough for
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,21 +33,8 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
     """
     o = observation.opening(_OPENING)
     applied = o.applied(plant, skew)
-    places = {name: range(p.start, p.stop) for name, p in plant.memory_places.items()}
-    apart = [name for name in places if isinstance(o, Observation) and plant[name].separable]
-    if isinstance(o, Observation) and any(places[name] for name in apart):
-        # What an element does at each level does not depend on the others.
-        torques, known = _at_levels(o, plant, apart, memory)
-        left = applied - known
-        best = squared(left)
-        now = torques[-1].copy()
-        for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
-            for k in chain.from_iterable(places[name] for name in apart):
-                trial = left + (torques[level][k] - now[k])
-                cost = squared(trial)
-                if cost < best:
-                    best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
-    others = [k for name, place in places.items() if name not in apart for k in place]
+    found = _search_apart(o, plant, applied, memory) if isinstance(o, Observation) else []
+    others = [k for k in range(len(memory)) if k not in found]
     if not others:
         return
     grid = o.sparse
@@ -61,6 +47,29 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
                 best = cost
             else:
                 memory[k] = kept
+
+
+def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -> list[int]:
+    """The same for the separable effects, of which what an element does at each level does not depend on the others.
+
+    Returns:
+        Which states those are.
+    """
+    places = {name: place for name, place in plant.memory_places.items() if plant[name].separable}
+    apart = [k for place in places.values() for k in range(place.start, place.stop)]
+    if not apart:
+        return []
+    torques, known = _at_levels(o, plant, list(places), memory)
+    left = applied - known
+    best = squared(left)
+    now = torques[-1].copy()
+    for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
+        for k in apart:
+            trial = left + (torques[level][k] - now[k])
+            cost = squared(trial)
+            if cost < best:
+                best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
+    return apart
 
 
 def _at_levels(o: Observation, plant: Plant, names: Sequence[str], memory: Array) -> tuple[Array, Array]:

@@ -146,15 +146,26 @@ def is_worth_it(
     the noise is less says nothing for an effect, see `_quieter`; nor does what holds in the upper half of the band
     alone, see `_holds_below`.
     """
-    if not _holds_below(now, before, result, share):
-        return False
-    if takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after):
-        return True
+    in_part = takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after)
+    takes_enough = in_part or _takes_of_all(now, before, result, after, share)
+    return takes_enough and _holds_below(now, before, result, share)
+
+
+def _added(now: FitResult, result: FitResult) -> list[Effect]:
+    """The effects of a fit that another lacks."""
+    return [e for e in result.plant.effects if e.name not in now.plant]
+
+
+def _left_by(now: FitResult, result: FitResult) -> tuple[float, float]:
+    """What two fits leave, see `left_of`."""
+    return left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
+
+
+def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float) -> bool:
+    """Whether an effect takes its share on held-out blocks and of what the fits leave."""
     quiet = at_floor(now, before)
     floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
-    if not takes(before.total, after.total, floor, share):
-        return False
-    if not takes(left_of(now.misfit, now.vector), left_of(result.misfit, result.vector), floor, share):
+    if not all(takes(a, b, floor, share) for a, b in ((before.total, after.total), _left_by(now, result))):
         return False
     return not quiet or takes(before.total, after.total + _quieter(now, result), 0.0, share)
 
@@ -167,7 +178,7 @@ def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: floa
     gain of the velocity over the inertia: what is left falls by half where it is that noise, at the upper end of the
     band. What does come late does so at any frequency, and has to take its share there too.
     """
-    added = [e for e in result.plant.effects if e.name not in now.plant]
+    added = _added(now, result)
     drives = any(type(e).deliver is not Effect.deliver for e in added)
     if not at_floor(now, before) or not (drives or any(map(swings, added))):
         return True
@@ -186,7 +197,7 @@ def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: 
     and says nothing of what is missing while friction is no more than its level.
     """
     seen = now.misfit.observations
-    if all(e.name in now.plant for e in result.plant.effects) or not all(isinstance(o, Observation) for o in seen):
+    if not _added(now, result) or not all(isinstance(o, Observation) for o in seen):
         return False
     rows = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
     if rows.mean() < _SOME or after.total > before.total:
@@ -202,13 +213,15 @@ def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: He
 
     Of friction and mechanics alone: what filters a reading, of torque or position, passes on less of its noise.
     """
-    added = [e for e in result.plant.effects if e.name not in now.plant]
+    added = _added(now, result)
     if not at_floor(now, before) or len(added) != 1 or added[0].kind not in ("friction", "mechanics"):
         return False
     if swings(added[0]):
         return False
-    floor, quieter = min(floor_of(now), floor_of(result)), _quieter(now, result)
-    fits = left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
+    floor, fits = min(floor_of(now), floor_of(result)), _left_by(now, result)
+    if not all(takes(a, b, floor, _MUCH) for a, b in ((before.total, after.total), fits)):
+        return False
+    quieter = _quieter(now, result)
     return all(takes(a, b + quieter, floor, _MUCH) for a, b in ((before.total, after.total), fits))
 
 
@@ -218,7 +231,7 @@ def _quieter(now: FitResult, result: FitResult) -> float:
     Of a fit with one effect more that is what the effect does beside the same friction, against a strength of zero.
     Friction that has stiffened to stand for what is missing passes on a great deal, and no effect hides that noise.
     """
-    added = [e for e in result.plant.effects if e.name not in now.plant]
+    added = _added(now, result)
     exchanged = any(e.name not in result.plant for e in now.plant.effects)
     if exchanged or not added:
         return max(floor_of(now, result.noise) - floor_of(result), 0.0)

@@ -315,12 +315,9 @@ class Misfit:
         return o.applied(plant, self.skew(x)) - needed if drives else -needed
 
     def memory_of(self, part: Plant, x: Array, i: int) -> Array | None:
-        """State of some effects before observation i; one that the template lacks has never moved."""
-        known, places = self.memory(x, i), self.coordinates.template.memory_places
-        if known is None:
-            return None
-        own = [known[places[n]] if n in places else np.zeros(s.stop - s.start) for n, s in part.memory_places.items()]
-        return np.concatenate([*own, np.empty(0)])
+        """State of some effects before observation i; None where there are no states."""
+        known = self.memory(x, i)
+        return None if known is None else part.carried(self.coordinates.template, known)
 
     def jacobian(self, x: Array, columns: NDArray[np.intp] | None = None) -> Array:
         """(m, size) derivative of the residual, by differences; other `columns` than those asked for are 0."""

@@ -92,19 +92,23 @@ def observe(
         names = ", ".join(r.name for r in records)
         raise DataError(f"{names}: the position never changes; nothing can be learnt from a joint that does not move")
     seen: list[Seen] = []
+    scale = None
     if records:
         fastest = 0.5 / min(r.sample_time for r in records)
         bandwidth = min(bandwidth or choose_bandwidth(records, inertia), fastest)
         seen = [_through(r, bandwidth) for r in records]
+        scale = _deviation(records, inertia, bandwidth) if frfs else None
     if not frfs:
         return seen
-    scale = None
-    if records and bandwidth:
-        h = float(np.mean([r.sample_time for r in records]))
-        noise = estimate_noise(records, inertia or rough_inertia(records)).torque * math.sqrt(2 * h * bandwidth)
-        usual = math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
-        scale = max(noise, _LEAST_DEVIATION * usual) * math.sqrt(2)  # of the two parts of a complex number together
     return [*seen, *rescaled(_balanced(observe_frfs(frfs), inertia, plant), scale)]
+
+
+def _deviation(records: Sequence[Record], inertia: float | None, bandwidth: float) -> float:
+    """Of the torque in records through a band: of the two parts of a complex number together [N m]."""
+    h = float(np.mean([r.sample_time for r in records]))
+    noise = estimate_noise(records, inertia or rough_inertia(records)).torque * math.sqrt(2 * h * bandwidth)
+    usual = math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
+    return max(noise, _LEAST_DEVIATION * usual) * math.sqrt(2)
 
 
 def _through(record: Record, bandwidth: float) -> Observation:

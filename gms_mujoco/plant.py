@@ -223,6 +223,21 @@ class Plant:
         names = [e.name for e in self.effects if e.is_native]
         return {n: slice(a, b) for n, (a, b) in zip(names, itertools.pairwise(ends), strict=True)}
 
+    def carried(self, near: Plant, memory: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        """(n_memory,) state before a record of its effects, each as it stood in a plant near to it.
+
+        Args:
+            near: the other plant. What it lacks, or has with another number of states, has never moved.
+            memory: (n_memory,) state of its effects; None: none has moved.
+        """
+        known = {} if memory is None else {name: memory[place] for name, place in near.memory_places.items()}
+        out = np.zeros(self.joint().n_memory)
+        for name, place in self.memory_places.items():
+            stood = known.get(name, np.empty(0))
+            if len(stood) == place.stop - place.start:
+                out[place] = stood
+        return out
+
     @classmethod
     def from_mjcf(cls, model: mujoco.MjSpec | str | os.PathLike[str], joint: str) -> Plant:
         """The friction that a joint of a MuJoCo model has; see `gms_mujoco.mjcf.plant_of_joint`."""

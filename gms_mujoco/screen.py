@@ -243,7 +243,7 @@ class Screen:
     def _try(self, best: _Best, effect: type[Effect], tangents: _Tangents) -> None:
         """Scores an effect with one choice of its other parameters; `best` keeps it where it is better."""
         shape, names, columns, free = tangents
-        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        seen = _seen(free, columns)
         # What does nothing at a strength that would matter is nothing but rounding.
         typical = np.array([self.scales[u] for u in units_of(effect, names)])
         seen &= typical * np.sqrt((columns**2).sum(0)) > 1e-6 * math.sqrt(self._left)
@@ -272,7 +272,7 @@ class Screen:
         """An effect of one shape as strong as in a linear refit; what it does to the residual (m,), and what is left of
         each block not seen. None where it cannot be seen."""
         _, names, columns, free = next(self._tangents(effect, [shape]))
-        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        seen = _seen(free, columns)
         if not seen.any():
             return None
         strength = -_least_squares(free, self.model.target, seen)
@@ -283,7 +283,7 @@ class Screen:
         """Gain, strength, and what is left of each block not seen, of a torque (m,) that has one strength."""
         columns = (torque * self.model.determined)[:, None]
         free = self.model.without(columns)
-        seen = (free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300)
+        seen = _seen(free, columns)
         if not seen.any():
             return 0.0, 0.0, self.held_out
         strength = _least_squares(free, self.model.target, seen)
@@ -348,6 +348,11 @@ def _projected(columns: Array, target: Array) -> float:
     found = _least_squares(columns, target, (columns**2).sum(0) > 0)
     fitted = columns @ found
     return float(2 * fitted @ target - fitted @ fitted)
+
+
+def _seen(free: Array, columns: Array) -> NDArray[np.bool_]:
+    """Which columns are not what the unknowns of the plant do already, where `free` is the rest of them."""
+    return np.asarray((free**2).sum(0) > 1e-12 * (columns**2).sum(0).clip(1e-300))
 
 
 def _least_squares(columns: Array, target: Array, seen: NDArray[np.bool_]) -> Array:
