@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
@@ -21,6 +22,7 @@ from .misfit import Misfit
 from .noise import Noise
 from .plant import Plant
 from .speed_curve import curve
+from .tall import squared
 
 Array = NDArray[np.float64]
 
@@ -69,7 +71,7 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     """Whether an effect does what was gained with it: at a strength of zero, all else as it is, most is lost again.
 
     The rest of a plant may have found a better place, or a form that acts on others, at the side of an effect that does
-    next to nothing.
+    next to nothing; and of a part that swings no more than the ring that a record begins with may be of use.
     """
     effect = after.plant[name]
     if not (is_present(effect) and is_possible(effect)):
@@ -77,9 +79,29 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     if absent(effect) == effect:  # absent only at the end of its range
         return True
     idle = after.plant.replace(absent(effect))
-    left = left_of(*after.misfit.onto(idle, after.vector))
-    gained = left_of(before.misfit, before.vector) - left_of(after.misfit, after.vector)
-    return left - left_of(after.misfit, after.vector) > _CARRIED * gained
+    left, least = left_of(*after.misfit.onto(idle, after.vector)), left_of(after.misfit, after.vector)
+    gained = left_of(before.misfit, before.vector) - least
+    if swings(effect):
+        left = min(left, _left_of_ring(name, before, after))
+    return left - least > _CARRIED * gained
+
+
+def _left_of_ring(name: str, before: FitResult, after: FitResult) -> float:
+    """What a linear refit without an effect leaves, beside the ring alone that each record begins with [N^2 m^2];
+    inf of responses, which begin nowhere.
+
+    A part that hardly damps rings through a whole record, and stands for anything that hums beside the axis. What
+    belongs to the axis is driven by its motion.
+    """
+    misfit, place = after.misfit, after.misfit.coordinates.template.memory_places[name]
+    begins = [misfit.states(i)[0] for i, o in enumerate(misfit.observations) if o.has_memory]
+    states = np.array([b + k for b in begins for k in range(place.start, place.stop)], np.intp)
+    if not len(states):
+        return math.inf
+    model = LinearModel(before.misfit, before.vector, before.misfit.residual(before.vector))
+    ring = misfit.jacobian(after.vector, states)[:, states] * model.determined[:, None]
+    basis = linalg.orth(model.without(ring / np.sqrt((ring**2).sum(0)).clip(1e-300)))
+    return squared(model.target - basis @ (basis.T @ model.target)) / before.misfit.delivered(before.vector)
 
 
 def finalists(

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from . import timing
 from .errors import DataError
@@ -28,6 +29,7 @@ _OFF = 5.0  # times an inertia: more than a wrong guess
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
 _CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
+_FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is held
 _JUMP = 0.6  # of one distance to another, that are taken to be the same
 _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
@@ -110,9 +112,9 @@ def filled(record: Record) -> tuple[Record, int]:
     """The record with positions in the place of readings that were held, and how many were.
 
     A bus that loses a frame, or an encoder that drops out, repeats its last reading while the axis moves on, and then
-    catches up in one sample what the axis has gone in several, which no mass can do. The motion before and after, a
-    polynomial of third degree, says where the axis was. Where the axis rests nothing is changed, nor where every few
-    readings are repeated.
+    catches up in one sample what the axis has gone in several, which no mass can do. The motion before and after says
+    how fast it was at either end; between them goes the curve that bends least. Where the axis rests nothing is
+    changed, nor where every few readings are repeated.
     """
     q = record.position.copy()
     least = _CAUGHT_UP * (record.resolution or 0.0)
@@ -121,22 +123,25 @@ def filled(record: Record) -> tuple[Record, int]:
     held = 0
     for first, last in zip(edges[::2] + 1, edges[1::2] + 1, strict=True):  # repeat the one before; `last` is new
         n = int(last - first)
-        wide = max(2 * n, 8)
-        if first - 1 < wide or last + wide >= len(q):
+        near = max(n // 2, _FEWEST_BESIDE)
+        if first < near or last + near > len(q) or abs(q[last] - q[first - 1]) <= least:
             continue
-        before, after = q[first - 1 - wide : first], q[last : last + wide + 1]
-        caught_up = q[last] - q[first - 1]
-        usual = (n + 1) * (before[-1] - before[0] + after[-1] - after[0]) / (2 * wide)
-        pace = max(np.median(np.abs(np.diff(before))), np.median(np.abs(np.diff(after))))
-        if abs(caught_up) > max(least, pace / _JUMP) and usual and _JUMP < caught_up / usual < 1 / _JUMP:
-            t = (np.arange(first - 1 - wide, last + wide + 1) - first) / wide
-            known = np.abs(t - (n - 1) / (2 * wide)) > n / (2 * wide)
-            curve = np.polyfit(t[known], np.concatenate([before, after]), 3)
-            q[first:last] = np.polyval(curve, t[~known])
+        before, after = q[first - near : first], q[last : last + near]
+        pace = max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max())
+        (a, v), (b, w) = _end(before[::-1]), _end(after)
+        usual = (n + 1) * (w - v) / 2
+        if abs(b - a) > pace / _JUMP and usual and _JUMP < (b - a) / usual < 1 / _JUMP:
+            q[first:last] = CubicHermiteSpline([-1, n], [a, b], [-v, w])(np.arange(n))
             held += n
     if not held or held > _OFTEN * len(q):
         return record, 0
     return replace(record, signals={**record.signals, "position": q}), held
+
+
+def _end(position: Array) -> tuple[float, float]:
+    """The first position (n,), smoothed by a parabola, and its slope per sample."""
+    _, slope, value = np.polyfit(np.arange(len(position)), position, 2)
+    return float(value), float(slope)
 
 
 def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[str]:

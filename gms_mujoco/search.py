@@ -231,7 +231,7 @@ class Search:
         swinging = [t for t in trials if swings(t.result.plant[t.name]) and self.is_worth_it(t.result, t.held_out)]
         if not swinging or not all(isinstance(o, Observation) for o in self.seen):
             return False
-        if any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
+        if not self.at_floor and any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
             return False
         now = self.steps[-1].result
         reading = rung(now.misfit, now.vector)

@@ -125,3 +125,18 @@ def test_what_a_stiff_contact_leaves_at_reversals_hides_nothing_while_the_axis_s
     assert not judgement.is_worth_it(now, left, now, gone)  # another shape of the same is no effect
     quiet = [replace(f, floor_rows=np.where(slides, 0.9, 10.0)) for f in (now, result)]
     assert not judgement.is_worth_it(quiet[0], left, quiet[1], gone)  # no more than noise is left there
+
+
+def test_a_part_that_swings_by_itself_carries_nothing_and_one_that_the_axis_drives_does() -> None:
+    swings = effects.FlexibleCoupling(inertia=0.2 * J, frequency=24.0, damping=0.02)
+    hums = [
+        replace(r, signals={**r.signals, "torque": r.torque + 0.1 * LEVEL * np.sin(2 * np.pi * 24.0 * r.time + i)})
+        for i, r in enumerate(runs(HEALTHY, seconds=2.0)[:2])
+    ]
+    alone = swings.replace(inertia=1e-3 * J, damping=0.0)
+    for measured, start in ((hums, alone), (runs(HEALTHY + swings)[:2], swings)):
+        misfit = Misfit(HEALTHY, observe(measured, J))
+        before = refine(misfit, misfit.vector(HEALTHY))
+        after = refine(*before.misfit.onto(before.plant + start, before.vector))
+        assert after.error < 0.5 * before.error
+        assert judgement.carries("flexible_coupling", before, after) is (measured is not hums)

@@ -202,6 +202,18 @@ def test_readings_that_were_held_while_the_axis_moves_are_put_where_it_was(sampl
     assert left[where].max() < 0.15 * off[where].max()
 
 
+def test_readings_that_were_held_while_the_axis_sets_out_or_stops_are_put_where_it_was_too() -> None:
+    leaps, left = 0, 0
+    for start in range(60, 2900, 7):
+        broken = held(RUN, range(start, start + 1), 12)[0]
+        here = slice(start - 20, start + 32)
+        usual, leap = np.abs(np.diff(RUN.position[here])).max(), np.abs(np.diff(broken.position[here])).max()
+        if leap > 4 * usual:  # no axis does that
+            leaps += 1
+            left += filled(broken)[1] == 0
+    assert leaps > 100 and left < 0.03 * leaps
+
+
 def test_an_axis_that_rests_or_an_encoder_that_is_slow_is_left_alone(tmp_path: Path) -> None:
     slow, _ = held(RUN, range(4, 2996, 4), 3)
     sticking = measured(PLANT.replace(effects.find("coulomb")(coulomb=2.0)), rms=2.0)  # moves now and then
