@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from . import effects
 from .fit import FitResult, refine
 from .held_out import HeldOut, p_value, scatter
+from .joint_fits import forms
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .screen import Screen
-from .search import Search, Step, forms
+from .search import Search, Step
 
 Array = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
 
     result = min(map(fitted, plants), key=lambda r: r.error)
     if {e.name for e in result.plant.effects} != {e.name for e in other.result.plant.effects}:
-        result = search.best(result)
+        result = search.fits.best(result)
     elif other.result.error <= result.error:
         return other
     return Trial(other.name, result, cross_validated(result.misfit, result.vector))
@@ -133,7 +134,7 @@ def _against(search: Search, k: int) -> tuple[FitResult, HeldOut, float, float]:
     floor = last.result.floor_rows / math.sqrt(last.result.misfit.delivered(last.result.vector))
     # What the fits leave, not what they predict: a block that alone determines an unknown is predicted by chance.
     # A simulated motion that is off stays off for most of a run: in a few runs what is left goes with any change.
-    uneven = 0.0 if search.simulated else scatter(residual_of(result), residual_of(last.result), floor)
+    uneven = 0.0 if search.fits.simulated else scatter(residual_of(result), residual_of(last.result), floor)
     p = p_value(held_out, last.held_out) if carries(name, result, last.result) else 1.0
     return result, held_out, p, uneven
 

@@ -6,19 +6,20 @@ import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import effects
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, fit_to_end, near_floor, refine
+from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
 from .inverse import Observation
+from .joint_fits import JointFits, Rough, forms
 from .judgement import (
     AT_FLOOR,
     CLOSE,
@@ -42,15 +43,12 @@ from .judgement import (
     with_curve,
     without,
 )
-from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .reading import TorqueReading, rung
-from .rough import begun, best_start, fewer
 from .screen import Candidate, Screen
-from .servo_observation import ServoObservation
 
 Array = NDArray[np.float64]
 
@@ -58,17 +56,6 @@ MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _AFRESH = 3  # of them, also from the beginning
-_POINTS = 80  # of frequency responses that contenders are fitted to
-_STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
-FORMS: dict[str, tuple[dict[str, float], ...]] = {
-    "asymmetric_friction": (
-        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0}
-    ),
-    "load_dependent_friction": _STIFFENING,
-    "position_dependent_friction": _STIFFENING,
-    "thermal_drift": _STIFFENING,
-}  # fmt: skip
-_LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 
 
@@ -122,6 +109,11 @@ class Search:
         self.hint = ""  # what explains more than anything in the catalogue
 
     @property
+    def fits(self) -> JointFits:
+        """How the current plant is fitted with one effect more."""
+        return JointFits(self.start, tuple(self.seen), frozenset(s.effect for s in self.steps if s.effect))
+
+    @property
     def held_out(self) -> HeldOut:
         """What the current plant leaves on held-out blocks."""
         return self.steps[-1].held_out
@@ -143,7 +135,7 @@ class Search:
 
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
-        current = self.steps[-1].result
+        current, fits = self.steps[-1].result, self.fits
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
         scored = [c for c in map(screen.candidate, self._addable) if c is not None]
@@ -152,11 +144,11 @@ class Search:
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
 
         promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
-        rough: list[tuple[str, Misfit, Array]] = []
+        rough: list[Rough] = []
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
-            rough.append((c.effect.name, *self._tried(current, c, self._worth_trying(current, rough))))
-        rough += [t for special, general in _LIMITS.items() for t in self._limit(current, special, general, rough)]
+            rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
+        rough += fits.limits(current, rough)
         trials = self._trials(rough, p_values, report)
         self.hint = ""
         if self._reads_a_ring(trials):
@@ -164,8 +156,8 @@ class Search:
             p_values |= dict.fromkeys(swinging, 1.0)
             promising = [c for c in promising if c.effect.name not in swinging]
         new = [c for c in promising if c.effect.name not in current.plant]
-        fits = {name: (misfit, x) for name, misfit, x in reversed(rough)}
-        added = self._accept(trials, p_values) or self._accept_two(screen, new, fits, trials, p_values)
+        problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
+        added = self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
         for more in (self._beside_following, lambda: self._afresh(new, report)):
             if not added and (begun := more()):
                 trials += self._trials(begun, p_values, report)
@@ -175,55 +167,54 @@ class Search:
         return added
 
     def _trials(
-        self, rough: Sequence[tuple[str, Misfit, Array]], p_values: dict[str, float], report: Progress
+        self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress
     ) -> list[Trial]:
         """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
         rough = sorted(rough, key=lambda t: left_of(t[1], t[2]))
-        if self.simulated:
+        if self.fits.simulated:
             # A few runs that fall to the other side may carry a fit, and hold nowhere else: what passes the test of the
             # screen is refitted before what fits best.
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
         current = self.steps[-1].result
-        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.simulated)):
+        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.fits.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
-                result = self._refitted(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
+                result = self.fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
             else:
-                result = self._formed(name, self._whole(misfit, x))
+                result = self.fits.formed(name, self.fits.whole(current, misfit, x))
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
         return trials
 
-    def _beside_following(self) -> list[tuple[str, Misfit, Array]]:
+    def _beside_following(self) -> list[Rough]:
         """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
         now = self.steps[-1].result
-        if self.at_floor or self.simulated or (near := following(now)) is None:
+        if self.at_floor or self.fits.simulated or (near := following(now)) is None:
             return []
         screen, least = Screen(near.misfit, near.vector), left_of(now.misfit, now.vector)
         share = (1 - LEAST_SHARE) * least / max(left_of(near.misfit, near.vector), 1e-300)
         seen = [screen.candidate(e) for e in self._addable if e.modulates]
-        return [(c.effect.name, *self._tried(near, c)) for c in seen if c is not None and 1 - c.gain < share]
+        return [(c.effect.name, *self.fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
 
-    def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[tuple[str, Misfit, Array]]:
+    def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
         """Rough fits from the beginning with the candidates that promise most, of those that leave a good part less.
 
         A plant that has bent far to hide an effect may not find back from where it is.
         """
-        if self.at_floor or self.simulated:
+        if self.at_floor or self.fits.simulated:
             return []
-        some = fewer(self.seen, _POINTS)
-        now = self.steps[-1].result
-        near, there = now.misfit.onto(now.plant, now.vector, some)
+        now, fits = self.steps[-1].result, self.fits
+        near, there = now.misfit.onto(now.plant, now.vector, fits.few)
         cost = near.cost(there)
         out = []
         for c in candidates[:_AFRESH]:
             report(0.9, f"trying {c.effect.name} from the beginning")
-            fits = self._begun(now.plant, c.effect, forms(c.effect, now.plant), some, cost)
-            out += [(c.effect.name, m, x) for m, x in fits if m.cost(x) < (1 - LEAST_SHARE) * cost]
+            begun = fits.afresh(now.plant, c.effect, forms(c.effect, now.plant), cost)
+            out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < (1 - LEAST_SHARE) * cost]
         return out
 
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
@@ -281,7 +272,7 @@ class Search:
         self,
         screen: Screen,
         candidates: Sequence[Candidate],
-        fits: dict[str, tuple[Misfit, Array]],
+        rough: dict[str, tuple[Misfit, Array]],
         trials: Sequence[Trial],
         p_values: dict[str, float],
     ) -> bool:
@@ -292,7 +283,7 @@ class Search:
         Args:
             screen: of the current plant.
             candidates: to take them from.
-            fits: a rough joint fit with each.
+            rough: a joint fit with each.
             trials: whole fits with some of them.
             p_values: of each effect alone.
         """
@@ -321,15 +312,15 @@ class Search:
             for t in trials:
                 if t.name == name:
                     return t.result
-            misfit, x = fits[name]
-            return self._refitted(misfit, x)
+            misfit, x = rough[name]
+            return self.fits.to_end(misfit, x)
 
         base = whole(first)
-        result = self.best(self._refitted(*self._tried(base, other)))
+        result = self.fits.best(self.fits.to_end(*self.fits.roughly(base, other)))
         held_out = cross_validated(result.misfit, result.vector)
         singles = []
         for name, left in ((first, second), (second, first)):
-            single = min(whole(name), refine(*without(result, left)), key=_error)
+            single = min(whole(name), refine(*without(result, left)), key=attrgetter("error"))
             singles.append(Trial(name, single, cross_validated(single.misfit, single.vector)))
         beside = list(zip(singles, (second, first), strict=True))
         beside_p = [self._beside(s.result, s.held_out, Trial(n, result, held_out)) for s, n in beside]
@@ -434,105 +425,6 @@ class Search:
                     again = cross_validated(alone.misfit, alone.vector)
                     self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
 
-    def _worth_trying(self, current: FitResult, rough: Sequence[tuple[str, Misfit, Array]]) -> float:
-        """A squared residual that a rough fit must come down to, to be looked at further beside these others.
-
-        That of a finalist; and once one is at the noise floor, close to that, or low enough to be simpler and as good.
-        """
-        if self.simulated or not rough:
-            return math.inf
-        cost, left = current.misfit.cost(current.vector), left_of(current.misfit, current.vector)
-        least = sorted(left_of(misfit, x) for _, misfit, x in rough)
-        below = least[FINALISTS] if len(least) > FINALISTS else math.inf
-        if least[0] <= AT_FLOOR**2 * floor_of(current):
-            below = min(below, max(CLOSE * least[0], left - NEARLY * (left - least[0])))
-        return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
-
-    def _tried(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
-        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.
-
-        An effect that has several forms, which no fit chooses from, is tried in each.
-
-        Args:
-            current: the plant.
-            candidate: the effect.
-            below: a squared residual that is of use [N^2 m^2].
-        """
-        some = fewer(self.seen, _POINTS)
-        fits: list[tuple[Misfit, Array]] = []
-        ways: list[tuple[float, dict[str, float]]] = []  # cost, form
-        for form in forms(candidate.effect, current.plant):
-            plant = joined(current.plant, candidate.effect.replace(**form))
-            misfit, x = current.misfit.onto(plant, current.vector, some)
-            fits.append((misfit, nudge(misfit, x, below=below)))
-            ways.append((misfit.cost(fits[-1][1]), form))
-        if candidate.strong:
-            ways.sort(key=lambda t: t[0])
-            fits += self._begun(current.plant, candidate.strong, [f for _, f in ways], some, min(ways[0][0], below))
-        return min(fits, key=lambda t: t[0].cost(t[1]))
-
-    @property
-    def simulated(self) -> bool:
-        """Whether whole motions are simulated, and nothing is replayed along a measured one."""
-        return any(isinstance(o, ServoObservation) for o in self.seen)
-
-    def _begun(
-        self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], some: Sequence[Seen], below: float
-    ) -> list[tuple[Misfit, Array]]:
-        """Rough fits with an effect that is strong, in each of its forms, the most promising first: from the beginning,
-        where they begin alike, or of a servo, which bends less, from here."""
-        plant = joined(plant, effect.replace(**ways[0]))
-        if not self.simulated:
-            plant = best_start(self._fresh(plant), some, below=below)
-        return [begun(plant.replace(plant[effect.name].replace(**form)), some, below=below) for form in ways]
-
-    def _limit(
-        self, current: FitResult, special: str, general: str, rough: Sequence[tuple[str, Misfit, Array]]
-    ) -> list[tuple[str, Misfit, Array]]:
-        """A rough joint fit with the limit of an effect that was tried, from where that one came to; none without it.
-
-        What a resonance is seen by is narrow, and no grid of frequencies as fine: a contact that knocks finds it.
-        """
-        if special in current.plant:
-            return []
-        out = []
-        for name, misfit, x in rough:
-            if name == general:
-                plant = misfit.plant(x)
-                effect = effects.find(special)
-                values = {p.name: plant[name].values[p.name] for p in effect.parameters}
-                plant = plant.without(name) + effect(None, **values)
-                near = Misfit(plant, misfit.observations)
-                memories = current.misfit.memories(current.vector, near.n_memory)
-                out.append((special, near, nudge(near, near.vector(plant, memories, misfit.skew(x)))))
-        return out
-
-    def _fresh(self, near: Plant) -> Plant:
-        """The first plant, not fitted, with what was added to it as it stands in `near`."""
-        added = {s.effect for s in self.steps}
-        fresh = self.start
-        for e in near.effects:
-            if e.name not in self.start:
-                fresh = fresh + e
-            elif e.name in added:
-                fresh = fresh.replace(e)
-        return fresh
-
-    def _refitted(self, misfit: Misfit, x: Array, below: float = math.inf) -> FitResult:
-        """A rough joint fit, made on some of the observations, taken to its end on all; see `refine` for `below`."""
-        return fit_to_end(Misfit(misfit.plant(x), self.seen), x, below=below)
-
-    def _whole(self, misfit: Misfit, x: Array) -> FitResult:
-        """`best` of a rough joint fit taken to its end; above the noise floor, where that may stay, the one
-        from the beginning comes first and may spare it."""
-        near = Misfit(misfit.plant(x), self.seen)
-        if left_of(near, x) <= AT_FLOOR**2 * floor_of(self.steps[-1].result):
-            return self.best(self._refitted(near, x))
-        afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
-        if near_floor(afresh):
-            return afresh
-        return min(self._refitted(near, x, afresh.misfit.cost(afresh.vector)), afresh, key=_error)
-
     def _of_use(self, first: Trial, misfit: Misfit, tried: int) -> float:
         """A squared residual above which another joint fit than the first says nothing.
 
@@ -547,27 +439,6 @@ class Search:
         simpler = misfit.coordinates.size < first.result.misfit.coordinates.size
         return max(CLOSE * least, cost - NEARLY * (cost - least) if simpler else 0.0)
 
-    def best(self, result: FitResult) -> FitResult:
-        """The same joint fit, or above the noise floor that from the beginning where it leaves less.
-
-        A plant that has bent far to hide an effect may not find back.
-        """
-        if result.error <= AT_FLOOR * result.floor:
-            return result
-        begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
-        return min(result, begun, key=_error)
-
-    def _formed(self, name: str, result: FitResult) -> FitResult:
-        """The same joint fit, or that with another form of the effect where it leaves less: rough fits are no judges of
-        forms that differ little."""
-        found = [result]
-        for form in FORMS.get(name, ()):
-            plant = result.plant.replace(result.plant[name].replace(**form))
-            if plant[name] != result.plant[name]:
-                misfit, x = result.misfit.onto(plant, result.vector, self.seen)
-                found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
-        return min(found, key=_error)
-
     def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
         if not self.select:
@@ -576,12 +447,3 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
-
-
-def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
-    """The forms of an effect, which no fit chooses from; of one that the plant has, the one that it has."""
-    return ({},) if effect.name in plant else FORMS.get(effect.name, ({},))
-
-
-def _error(result: FitResult) -> float:
-    return result.error

@@ -21,9 +21,10 @@ from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diag
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
+from gms_mujoco.joint_fits import FORMS
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.search import FORMS, Step
+from gms_mujoco.search import Step
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 

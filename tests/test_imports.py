@@ -33,7 +33,7 @@ LAYERS = [
     {"dataset"},
     {"elements", "remainder", "custom", "goals"},
     {"reading", "judgement"},
-    {"friction_shape"},
+    {"friction_shape", "joint_fits"},
     {"search"},
     {"recheck", "friction_law"},
     {"diagnose"},

@@ -1,0 +1,184 @@
+"""Joint fits of a plant with one effect more: roughly, then to their ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import effects
+from .candidates import joined
+from .effect import Effect
+from .fit import FitResult, fit_observations, fit_to_end, near_floor
+from .frf_observation import Seen
+from .judgement import AT_FLOOR, CLOSE, FINALISTS, NEARLY, floor_of, left_of
+from .least_squares import nudge
+from .misfit import Misfit
+from .plant import Plant
+from .rough import begun, best_start, fewer
+from .screen import Candidate
+from .servo_observation import ServoObservation
+
+Array = NDArray[np.float64]
+Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough solution
+
+_POINTS = 80  # of frequency responses that contenders are fitted to
+_STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
+FORMS: dict[str, tuple[dict[str, float], ...]] = {
+    "asymmetric_friction": (
+        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0}
+    ),
+    "load_dependent_friction": _STIFFENING,
+    "position_dependent_friction": _STIFFENING,
+    "thermal_drift": _STIFFENING,
+}  # fmt: skip
+_LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
+
+
+@dataclass(frozen=True)
+class JointFits:
+    """How plants are fitted jointly with one effect more, to the same measurements.
+
+    Attributes:
+        start: the plant that the search began with.
+        seen: what is fitted.
+        added: names of the effects that the search has added to it.
+    """
+
+    start: Plant
+    seen: tuple[Seen, ...]
+    added: frozenset[str]
+
+    @property
+    def simulated(self) -> bool:
+        """Whether whole motions are simulated, and nothing is replayed along a measured one."""
+        return any(isinstance(o, ServoObservation) for o in self.seen)
+
+    @cached_property
+    def few(self) -> list[Seen]:
+        """What a rough fit looks at: of frequency responses with many points some."""
+        return fewer(self.seen, _POINTS)
+
+    def worth_trying(self, current: FitResult, rough: Sequence[Rough]) -> float:
+        """A squared residual that a rough fit must come down to, to be looked at further beside these others.
+
+        That of a finalist; and once one is at the noise floor, close to that, or low enough to be simpler and as good.
+        """
+        if self.simulated or not rough:
+            return math.inf
+        cost, left = current.misfit.cost(current.vector), left_of(current.misfit, current.vector)
+        least = sorted(left_of(misfit, x) for _, misfit, x in rough)
+        below = least[FINALISTS] if len(least) > FINALISTS else math.inf
+        if least[0] <= AT_FLOOR**2 * floor_of(current):
+            below = min(below, max(CLOSE * least[0], left - NEARLY * (left - least[0])))
+        return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
+
+    def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
+        """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.
+
+        An effect that has several forms, which no fit chooses from, is tried in each.
+
+        Args:
+            current: the plant.
+            candidate: the effect.
+            below: a squared residual that is of use [N^2 m^2].
+        """
+        fits: list[tuple[Misfit, Array]] = []
+        ways: list[tuple[float, dict[str, float]]] = []  # cost, form
+        for form in forms(candidate.effect, current.plant):
+            plant = joined(current.plant, candidate.effect.replace(**form))
+            misfit, x = current.misfit.onto(plant, current.vector, self.few)
+            fits.append((misfit, nudge(misfit, x, below=below)))
+            ways.append((misfit.cost(fits[-1][1]), form))
+        if candidate.strong:
+            ways.sort(key=lambda t: t[0])
+            fits += self.afresh(current.plant, candidate.strong, [f for _, f in ways], min(ways[0][0], below))
+        return min(fits, key=lambda t: t[0].cost(t[1]))
+
+    def afresh(
+        self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], below: float
+    ) -> list[tuple[Misfit, Array]]:
+        """Rough fits with an effect that is strong, in each of its forms, the most promising first: from the beginning,
+        where they begin alike, or of a servo, which bends less, from here."""
+        plant = joined(plant, effect.replace(**ways[0]))
+        if not self.simulated:
+            plant = best_start(self._fresh(plant), self.few, below=below)
+        return [begun(plant.replace(plant[effect.name].replace(**form)), self.few, below=below) for form in ways]
+
+    def limits(self, current: FitResult, rough: Sequence[Rough]) -> list[Rough]:
+        """Rough joint fits with the limit of each effect that was tried and has one, from where that one came to.
+
+        What a resonance is seen by is narrow, and no grid of frequencies as fine: a contact that knocks finds it.
+        """
+        out = []
+        for special, general in _LIMITS.items():
+            for _, misfit, x in (r for r in rough if r[0] == general and special not in current.plant):
+                plant = misfit.plant(x)
+                effect = effects.find(special)
+                values = {p.name: plant[general].values[p.name] for p in effect.parameters}
+                plant = plant.without(general) + effect(None, **values)
+                near = Misfit(plant, misfit.observations)
+                memories = current.misfit.memories(current.vector, near.n_memory)
+                out.append((special, near, nudge(near, near.vector(plant, memories, misfit.skew(x)))))
+        return out
+
+    def _fresh(self, near: Plant) -> Plant:
+        """The first plant, not fitted, with what was added to it as it stands in `near`."""
+        fresh = self.start
+        for e in near.effects:
+            if e.name not in self.start:
+                fresh = fresh + e
+            elif e.name in self.added:
+                fresh = fresh.replace(e)
+        return fresh
+
+    def to_end(self, misfit: Misfit, x: Array, below: float = math.inf) -> FitResult:
+        """A rough joint fit, made on some of the observations, taken to its end on all; see `refine` for `below`."""
+        return fit_to_end(Misfit(misfit.plant(x), self.seen), x, below=below)
+
+    def whole(self, now: FitResult, misfit: Misfit, x: Array) -> FitResult:
+        """`best` of a rough joint fit taken to its end; above the noise floor, where that may stay, the one
+        from the beginning comes first and may spare it.
+
+        Args:
+            now: the fit without the effect.
+            misfit, x: the rough fit.
+        """
+        near = Misfit(misfit.plant(x), self.seen)
+        if left_of(near, x) <= AT_FLOOR**2 * floor_of(now):
+            return self.best(self.to_end(near, x))
+        afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
+        if near_floor(afresh):
+            return afresh
+        return min(self.to_end(near, x, afresh.misfit.cost(afresh.vector)), afresh, key=attrgetter("error"))
+
+    def best(self, result: FitResult) -> FitResult:
+        """The same joint fit, or above the noise floor that from the beginning where it leaves less.
+
+        A plant that has bent far to hide an effect may not find back.
+        """
+        if result.error <= AT_FLOOR * result.floor:
+            return result
+        begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
+        return min(result, begun, key=attrgetter("error"))
+
+    def formed(self, name: str, result: FitResult) -> FitResult:
+        """The same joint fit, or that with another form of the effect where it leaves less: rough fits are no judges of
+        forms that differ little."""
+        found = [result]
+        for form in FORMS.get(name, ()):
+            plant = result.plant.replace(result.plant[name].replace(**form))
+            if plant[name] != result.plant[name]:
+                misfit, x = result.misfit.onto(plant, result.vector, self.seen)
+                found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
+        return min(found, key=attrgetter("error"))
+
+
+def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
+    """The forms of an effect, which no fit chooses from; of one that the plant has, the one that it has."""
+    return ({},) if effect.name in plant else FORMS.get(effect.name, ({},))
