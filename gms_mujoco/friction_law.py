@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from . import effects
@@ -15,7 +16,8 @@ from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both.
-LAWS = ("gms", "lugre")
+# `stribeck` does nothing of that where it creeps: friction that gives way below its level, and has no memory.
+LAWS: dict[str, dict[str, float]] = {"gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}}
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
 
@@ -116,7 +118,8 @@ def much_better(search: Search, other: Search, name: str) -> str:
 def choices(plant: Plant) -> tuple[Effect, ...]:
     """The laws among which the data may choose, that of the plant first; none where it has none or several."""
     own = [e for e in plant.effects if e.name in LAWS]
-    return (own[0], *(effects.find(name)() for name in LAWS if name != own[0].name)) if len(own) == 1 else ()
+    others = [(effects.find(name), values) for name, values in LAWS.items() if own and name != own[0].name]
+    return (own[0], *(law(None, **values) for law, values in others)) if len(own) == 1 else ()
 
 
 def with_law(plant: Plant, law: Effect) -> Plant:

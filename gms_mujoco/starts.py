@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,6 +38,7 @@ _FURTHER = 2.0  # times as late an element may slip where amplitudes tell when i
 _FINEST = 0.3  # of their smallest amplitude
 _WEAKER = 1.05  # static level over that of sliding
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
+_CREEP_VELOCITIES = (0.03, 0.001)  # the same: from above, for below the slowest motion none is told from another
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
 LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
@@ -79,8 +81,10 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         "coulomb": level, "static": _WEAKER * level, "attraction": 0.1 * level / scales["s"],
     }  # fmt: skip
     out = []
-    for velocity in _velocities(observations, scales) if "stribeck_velocity" in law.unset else (None,):
-        started = _with(law, **found, stribeck_velocity=velocity)
+    velocities = _velocities(observations, scales) if "stribeck_velocity" in law.unset else (None,)
+    creeps = [c * scales["rad/s"] for c in _CREEP_VELOCITIES] if "creep_velocity" in law.unset else (None,)
+    for velocity, creep in itertools.product(velocities, creeps):
+        started = _with(law, **found, stribeck_velocity=velocity, creep_velocity=creep)
         by_name = {e.name: e for e in (*rest, started)}
         out.append(replace(plant, inertia=inertia, effects=tuple(by_name[e.name] for e in plant.effects)))
     return out

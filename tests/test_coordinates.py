@@ -108,13 +108,23 @@ def test_intervals_hold_the_value_and_the_bounds(name: str, data: st.DataObject)
 @every_effect
 def test_labels_are_those_of_the_numbers(name: str) -> None:
     n = 3 if any(p.per_element for p in effects.find(name).parameters) else 1
-    plant = Plant(1.0, (effects.find(name)(n),), "hinge", False)
+    velocities = {p.name: 1.0 for p in effects.find(name).parameters if p.unit == "rad/s" and p.default == 0}
+    plant = Plant(1.0, (effects.find(name)(n, **velocities),), "hinge", False)
     coordinates = Coordinates(plant)
     labels = list(coordinates.intervals(np.zeros(coordinates.size), np.eye(coordinates.size)))
     assert len(set(labels)) == len(labels)
     assert set(labels) <= set(plant.numbers())
     free = {f"{name}.{p.name}" for p in effects.find(name).parameters if p.free} | {"inertia"}
     assert {label.split("[")[0] for label in labels} == free <= set(all_labels(plant))
+
+
+def test_a_velocity_of_zero_is_no_unknown_and_any_other_moves_on_a_logarithmic_scale() -> None:
+    holds = Plant.axis(1.0) + effects.Stribeck(coulomb=1.0, static=1.1, stribeck_velocity=1.0)
+    creeps = holds.replace(holds["stribeck"].replace(creep_velocity=1e-3))
+    assert "stribeck.creep_velocity" not in Coordinates(holds).labels
+    coordinates = Coordinates(creeps)
+    where = coordinates.labels.index("stribeck.creep_velocity")
+    assert coordinates.encode(creeps)[where] == pytest.approx(np.log(1e-3)) and not coordinates.is_linear[where]
 
 
 def test_what_is_fixed_or_known_does_not_move() -> None:

@@ -165,6 +165,18 @@ def test_static_friction_holds_without_creep(integrator, timestep):
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
+@pytest.mark.parametrize("timestep", [1e-4, 1e-3, 5e-3])
+def test_friction_that_creeps_gives_way_as_its_curve_says(integrator, timestep):
+    """A steady load tau below the level Fc moves the joint at V0 atanh(tau / Fc)."""
+    level, creep = 4e-3, 0.02
+    plant = Plant.axis(J) + effects.Stribeck(coulomb=level, static=level, stribeck_velocity=1.0, creep_velocity=creep)
+    model, data = axis(plant, timestep=timestep, integrator=integrator)
+    for share in (0.3, -0.9):
+        velocity = run(model, data, np.full(400, share * level))[-1, 2]
+        assert velocity == pytest.approx(creep * np.arctanh(share), rel=1e-6)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast", "discrete"])
 def test_gms_holds_without_creep(integrator):
     """After the transient the joint returns to the same place in each period of a load below break-away."""
     model, data = axis(integrator=integrator)

@@ -19,6 +19,9 @@ from gms_mujoco.search import Search
 TRUE = {"stiffness": 2.0, "damping": 1e-3, "coulomb": LEVEL, "static": 5.5e-3, "stribeck_velocity": 0.6}
 SECONDS = 2.0
 BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e-5)
+CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
+    coulomb=LEVEL, static=5.5e-3, stribeck_velocity=3.0, creep_velocity=0.3
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +32,10 @@ def found() -> dict[str, Diagnosis]:
 
 
 def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
-    own, other = choices(HEALTHY)
-    assert own is HEALTHY["gms"] and other.name == "lugre" and other.unset
-    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms"]
+    own, *others = choices(HEALTHY)
+    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "stribeck"] and all(e.unset for e in others)
+    assert "creep_velocity" in others[1].unset
+    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "stribeck"]
     assert not choices(Plant.axis(J) + effects.Coulomb(coulomb=LEVEL)) and not choices(HEALTHY + BRISTLE["lugre"])
 
 
@@ -56,6 +60,14 @@ def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> Non
     assert d.verdict == "adequate" and not d.found
     assert [e.name for e in d.plant.effects] == ["lugre", "viscous"]
     assert d.steps[0].validate_error <= 1.3 * d.noise_floor
+
+
+@pytest.mark.parametrize("hidden", ["", "cogging"])
+def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidden: str) -> None:
+    d = diagnose(dataset(CREEPS + HIDDEN[hidden] if hidden else CREEPS, SECONDS))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    law = d.plant["stribeck"]
+    assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
 
 
 def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
