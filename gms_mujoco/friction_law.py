@@ -85,8 +85,8 @@ class FrictionLaw:
         search, name, first = self._search, trial.law.name, self._laws[0].name
         self._taken.add(name)
         self.said = "" if name == first else (
-            f"{name} describes the friction, in the place of {first}: with it the torque error falls from "
-            f"{100 * search.steps[-1].result.error:.2f} % to {100 * trial.result.error:.2f} % "
+            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it the torque "
+            f"error falls from {100 * search.steps[-1].result.error:.2f} % to {100 * trial.result.error:.2f} % "
             f"(p = {trial.p_value:.1g} on held-out blocks)"
         )  # fmt: skip
         search.start = with_law(search.start, trial.law)
@@ -120,6 +120,12 @@ def choices(plant: Plant) -> tuple[Effect, ...]:
     own = [e for e in plant.effects if e.name in LAWS]
     others = [(effects.find(name), values) for name, values in LAWS.items() if own and name != own[0].name]
     return (own[0], *(law(None, **values) for law, values in others)) if len(own) == 1 else ()
+
+
+def _told(plant: Plant, name: str) -> str:
+    """The name of the law of a plant, and what friction does by it where that is not what one expects of the name."""
+    creep, unit = plant.numbers().get(f"{name}.creep_velocity", (0.0, ""))
+    return f"{name}, which gives way below its level (creep velocity {creep:.3g} {unit})," if creep else name
 
 
 def with_law(plant: Plant, law: Effect) -> Plant:

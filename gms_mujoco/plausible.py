@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -121,10 +121,10 @@ def filled(record: Record) -> tuple[Record, int]:
     still = np.concatenate([[False], np.diff(q) == 0, [False]])
     edges = np.flatnonzero(np.diff(still.astype(int)))
     held = 0
-    for first, last in zip(edges[::2] + 1, edges[1::2] + 1, strict=True):  # repeat the one before; `last` is new
-        n = int(last - first)
+    for first, last in _joined(zip((edges[::2] + 1).tolist(), (edges[1::2] + 1).tolist(), strict=True), q, least):
+        n = last - first
         near = max(n // 2, _FEWEST_BESIDE)
-        if first < near or last + near > len(q) or abs(q[last] - q[first - 1]) <= least:
+        if first < near or last + near > len(q):
             continue
         before, after = q[first - near : first], q[last : last + near]
         pace = max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max())
@@ -136,6 +136,18 @@ def filled(record: Record) -> tuple[Record, int]:
     if not held or held > _OFTEN * len(q):
         return record, 0
     return replace(record, signals={**record.signals, "position": q}), held
+
+
+def _joined(stretches: Iterable[tuple[int, int]], position: Array, least: float) -> list[tuple[int, int]]:
+    """Stretches of samples that repeat the one before, the first and the one after the last of each, where the axis
+    then goes by more than `least` at once; two with hardly a reading between them are one."""
+    out: list[tuple[int, int]] = []
+    for first, last in stretches:
+        if last < len(position) and abs(position[last] - position[first - 1]) > least:
+            near = out and first - out[-1][1] < _FEWEST_BESIDE
+            first = out.pop()[0] if near else first
+            out.append((first, last))
+    return out
 
 
 def _end(position: Array) -> tuple[float, float]:

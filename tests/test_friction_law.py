@@ -66,6 +66,7 @@ def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> Non
 def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidden: str) -> None:
     d = diagnose(dataset(CREEPS + HIDDEN[hidden] if hidden else CREEPS, SECONDS))
     assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    assert str(d.to_dict()["steps"][0]["evidence"]).startswith("stribeck, which gives way below its level (creep")
     law = d.plant["stribeck"]
     assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
 

@@ -214,6 +214,13 @@ def test_readings_that_were_held_while_the_axis_sets_out_or_stops_are_put_where_
     assert leaps > 100 and left < 0.03 * leaps
 
 
+def test_two_holds_with_one_reading_between_them_are_one() -> None:
+    broken, where = held(RUN, range(800, 826, 13), 12)
+    mended, n = filled(broken)
+    off, left = (np.abs(r.position - RUN.position)[where] for r in (broken, mended))
+    assert n == 25 and left.max() < 0.02 * off.max()
+
+
 def test_an_axis_that_rests_or_an_encoder_that_is_slow_is_left_alone(tmp_path: Path) -> None:
     slow, _ = held(RUN, range(4, 2996, 4), 3)
     sticking = measured(PLANT.replace(effects.find("coulomb")(coulomb=2.0)), rms=2.0)  # moves now and then
