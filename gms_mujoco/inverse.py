@@ -189,15 +189,18 @@ class Observation:
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
-        """(m,) where the axis moves by more than its encoder resolves.
+        """(m,) where all that the low-pass sees of the axis moves by more than its encoder resolves.
 
         Elsewhere friction is whatever holds the axis: below one count even a perfect model cannot say how far the
-        contact is bent. What is left there speaks for no model and against none.
+        contact is bent, nor, of one that does not bend, when it let go. What is left there speaks for no model and
+        against none.
         """
         q, count = self.record.position, count_size(self.record)
-        width = 2 * max(round(1 / (self.bandwidth * self.record.sample_time)), 1) + 1
-        span = ndimage.maximum_filter1d(q, width) - ndimage.minimum_filter1d(q, width)
-        return np.asarray(span[self.index] > _STUCK * count if count else np.ones(len(self.index), bool))
+        if not count:
+            return np.ones(len(self.index), bool)
+        period = max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
+        span = ndimage.maximum_filter1d(q, period + 1) - ndimage.minimum_filter1d(q, period + 1)
+        return np.asarray(ndimage.minimum_filter1d(span > _STUCK * count, 2 * period + 1)[self.index])
 
     @cached_property
     def slides(self) -> NDArray[np.bool_]:

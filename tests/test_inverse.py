@@ -182,3 +182,18 @@ def test_a_sparse_look_is_that_of_every_sample_where_torques_change_slowly() -> 
     elements = o.elements(HEALTHY, HEALTHY.joint(), 0, grid=o.sparse)
     alone = o.replay(HEALTHY.part("gms"), grid=o.sparse)
     np.testing.assert_allclose(elements.sum(0), alone, atol=1e-12)
+
+
+@pytest.mark.parametrize(("rest", "known"), [(40, False), (12, True)], ids=["long", "short"])
+def test_a_rest_says_nothing_of_friction_wherever_the_low_pass_sees_it(rest: int, known: bool) -> None:
+    """One of 1 / bandwidth, 20 samples here, or more; a shorter one is part of a motion."""
+    count, n = 1e-4, 400
+    speed = np.full(n, 5 * count)
+    speed[200 : 200 + rest] = 0.0
+    position = count * np.round(np.cumsum(speed) / count)
+    signals = {"position": position, "torque": np.zeros(n)}
+    o = Observation(Record("rests", 1e-3 * np.arange(n), signals, resolution=count), 50.0)
+    near = (o.index > 200 - 8) & (o.index < 200 + rest + 8)
+    far = (o.index < 200 - 15) | (o.index > 200 + rest + 15)
+    assert o.determined[far].all() and bool(o.determined[near].all()) is known
+    assert bool(o.determined[near].any()) is known
