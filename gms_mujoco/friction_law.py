@@ -15,8 +15,8 @@ from .plant import Plant
 from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
-# its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both.
-# `stribeck` does nothing of that where it creeps: friction that gives way below its level, and has no memory.
+# its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
+# but for a `stribeck` with a creep velocity: that gives way below its level at once, and remembers nothing.
 LAWS: dict[str, dict[str, float]] = {"gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}}
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
@@ -118,8 +118,9 @@ def much_better(search: Search, other: Search, name: str) -> str:
 def choices(plant: Plant) -> tuple[Effect, ...]:
     """The laws among which the data may choose, that of the plant first; none where it has none or several."""
     own = [e for e in plant.effects if e.name in LAWS]
-    others = [(effects.find(name), values) for name, values in LAWS.items() if own and name != own[0].name]
-    return (own[0], *(law(None, **values) for law, values in others)) if len(own) == 1 else ()
+    if len(own) != 1:
+        return ()
+    return (own[0], *(effects.find(name)(None, **values) for name, values in LAWS.items() if name != own[0].name))
 
 
 def _told(plant: Plant, name: str) -> str:

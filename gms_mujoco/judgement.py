@@ -81,9 +81,10 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     idle = after.plant.replace(absent(effect))
     left, least = left_of(*after.misfit.onto(idle, after.vector)), left_of(after.misfit, after.vector)
     gained = left_of(before.misfit, before.vector) - least
-    if swings(effect):
-        left = min(left, _left_of_ring(name, before, after))
-    return left - least > _CARRIED * gained
+    lost = left - least > _CARRIED * gained
+    if not lost or not swings(effect):
+        return lost
+    return _left_of_ring(name, before, after) - least > _CARRIED * gained
 
 
 def _left_of_ring(name: str, before: FitResult, after: FitResult) -> float:

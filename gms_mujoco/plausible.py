@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -121,7 +121,7 @@ def filled(record: Record) -> tuple[Record, int]:
     still = np.concatenate([[False], np.diff(q) == 0, [False]])
     edges = np.flatnonzero(np.diff(still.astype(int)))
     held = 0
-    for first, last in _joined(zip((edges[::2] + 1).tolist(), (edges[1::2] + 1).tolist(), strict=True), q, least):
+    for first, last in _joined(edges.reshape(-1, 2) + 1, q, least):
         n = last - first
         near = max(n // 2, _FEWEST_BESIDE)
         if first < near or last + near > len(q):
@@ -138,15 +138,14 @@ def filled(record: Record) -> tuple[Record, int]:
     return replace(record, signals={**record.signals, "position": q}), held
 
 
-def _joined(stretches: Iterable[tuple[int, int]], position: Array, least: float) -> list[tuple[int, int]]:
-    """Stretches of samples that repeat the one before, the first and the one after the last of each, where the axis
-    then goes by more than `least` at once; two with hardly a reading between them are one."""
+def _joined(stretches: NDArray[np.intp], position: Array, least: float) -> list[tuple[int, int]]:
+    """Those stretches (k, 2) of samples that repeat the one before, the first and the one after the last of each, after
+    which the axis goes by more than `least` at once; two with hardly a reading between them are one."""
     out: list[tuple[int, int]] = []
-    for first, last in stretches:
+    for first, last in stretches.tolist():
         if last < len(position) and abs(position[last] - position[first - 1]) > least:
-            near = out and first - out[-1][1] < _FEWEST_BESIDE
-            first = out.pop()[0] if near else first
-            out.append((first, last))
+            joins = bool(out) and first - out[-1][1] < _FEWEST_BESIDE
+            out.append((out.pop()[0] if joins else first, last))
     return out
 
 

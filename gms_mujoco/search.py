@@ -166,24 +166,22 @@ class Search:
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return added
 
-    def _trials(
-        self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress
-    ) -> list[Trial]:
+    def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
         """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
+        fits, current = self.fits, self.steps[-1].result
         rough = sorted(rough, key=lambda t: left_of(t[1], t[2]))
-        if self.fits.simulated:
+        if fits.simulated:
             # A few runs that fall to the other side may carry a fit, and hold nowhere else: what passes the test of the
             # screen is refitted before what fits best.
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
-        current = self.steps[-1].result
-        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + self.fits.simulated)):
+        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + fits.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
-                result = self.fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
+                result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
             else:
-                result = self.fits.formed(name, self.fits.whole(current, misfit, x))
+                result = fits.formed(name, fits.whole(current, misfit, x))
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
@@ -192,22 +190,22 @@ class Search:
 
     def _beside_following(self) -> list[Rough]:
         """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
-        now = self.steps[-1].result
-        if self.at_floor or self.fits.simulated or (near := following(now)) is None:
+        now, fits = self.steps[-1].result, self.fits
+        if self.at_floor or fits.simulated or (near := following(now)) is None:
             return []
         screen, least = Screen(near.misfit, near.vector), left_of(now.misfit, now.vector)
         share = (1 - LEAST_SHARE) * least / max(left_of(near.misfit, near.vector), 1e-300)
         seen = [screen.candidate(e) for e in self._addable if e.modulates]
-        return [(c.effect.name, *self.fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
+        return [(c.effect.name, *fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
 
     def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
         """Rough fits from the beginning with the candidates that promise most, of those that leave a good part less.
 
         A plant that has bent far to hide an effect may not find back from where it is.
         """
-        if self.at_floor or self.fits.simulated:
-            return []
         now, fits = self.steps[-1].result, self.fits
+        if self.at_floor or fits.simulated:
+            return []
         near, there = now.misfit.onto(now.plant, now.vector, fits.few)
         cost = near.cost(there)
         out = []

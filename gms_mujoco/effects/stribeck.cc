@@ -37,7 +37,7 @@ const gms::Effect gms_effect_stribeck = {
     "a static map with a jump at zero velocity; with `viscous` beside it the five-parameter curve.\n"
     "The direction is that of the displacement over the interval and stays while the joint does not move.\n"
     "With a creep velocity V0 > 0, tanh(v/V0) stands for sgn(v), and below its level friction gives way instead of\n"
-    "holding: a film of grease, a soft constraint such as MuJoCo's frictionloss, or a simulator that smooths sgn(v).\n"
+    "holding: a film of grease, or a simulator that smooths sgn(v).\n"
     "V0 = 0, the default, is no unknown of a fit; any other value, or none (NaN), is.\n"
     "Source: Yoon and Trumper, Mechatronics 24 (2014), equation 1.",
     "The torque error follows the sign of velocity and is largest at the lowest speeds.",
