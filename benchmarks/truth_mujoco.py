@@ -81,7 +81,8 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     if (s := hidden.get("spring")) is not None:
         joint += f' stiffness="{s["stiffness"]}" springref="{s["rest"]}"'
     if axis.friction == "frictionloss":
-        joint += f' frictionloss="{axis.level}" solreffriction="{2 * step} 1"'
+        stiff = axis.rng.random() < 0.5  # as stiff as the time step allows, or as MuJoCo has it by default
+        joint += f' frictionloss="{axis.level}"' + (f' solreffriction="{2 * step} 1"' if stiff else "")
     elif axis.friction == "lugre":
         k, level = axis.stiffness, axis.level
         damping = 0.2 * math.sqrt(k * axis.inertia)

@@ -49,6 +49,7 @@ PICTURES = {p.effect.name: p for p in (
     Picture(effects.LuGre(stiffness=1.2, **STRIBECK), "position", "strokes"),
     Picture(effects.Coulomb(coulomb=LEVEL), "velocity", "slow"),
     Picture(effects.Stribeck(**STRIBECK), "velocity", "fast"),
+    Picture(effects.Frictionloss(coulomb=LEVEL, creep_velocity=0.05, creep_time=9.5e-3), "velocity", "strokes"),
     Picture(effects.Viscous(coefficient=2e-5), "velocity", "fast"),
     Picture(effects.QuadraticDrag(coefficient=2e-6), "velocity", "fast"),
     Picture(effects.AsymmetricFriction(level=0.2), "velocity", "slow", (COULOMB,)),

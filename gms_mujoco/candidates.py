@@ -36,9 +36,9 @@ def _laws_aside(plant: Plant) -> tuple[str, ...]:
     """Laws of friction that are no candidates beside those of a plant.
 
     `gms` and `lugre` are general forms: beside them the others have nothing of their own to add. These two are no small
-    change of anything else, and a plant without them was chosen so.
+    change of anything else, nor is `frictionloss`, and a plant without them was chosen so.
     """
-    general = ("gms", "lugre")
+    general = ("gms", "lugre", "frictionloss")
     return (*general, "coulomb", "stribeck", "dahl") if any(name in plant for name in general) else general
 
 

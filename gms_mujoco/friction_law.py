@@ -16,8 +16,11 @@ from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
-# but for a `stribeck` with a creep velocity: that gives way below its level at once, and remembers nothing.
-LAWS: dict[str, dict[str, float]] = {"gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}}
+# but for a `stribeck` with a creep velocity: that gives way below its level at once, and remembers nothing. So does
+# `frictionloss`, which MuJoCo has and no bearing.
+LAWS: dict[str, dict[str, float]] = {
+    "gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
+}  # fmt: skip
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
 

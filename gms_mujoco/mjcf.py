@@ -1,7 +1,7 @@
 """A plant from the joint of a MuJoCo model: the friction of its own elements, and what `attach` has put there.
 
     joint              plant                       law
-    frictionloss       coulomb                     F sgn v; MuJoCo's constraint is soft and creeps at rest, ours holds
+    frictionloss       coulomb                     F sgn v, which holds; the effect `frictionloss` creeps as MuJoCo's
     damping b0 b1      viscous, quadratic_drag     b0 v + b1 v |v|
     dcmotor lugre      lugre, viscous              exponent 2; the same bristle, which MuJoCo integrates step by step
     dcmotor cogging    cogging

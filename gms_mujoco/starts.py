@@ -39,9 +39,10 @@ _FINEST = 0.3  # of their smallest amplitude
 _WEAKER = 1.05  # static level over that of sliding
 _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _CREEP_VELOCITIES = (0.03, 0.001)  # the same: from above, for below the slowest motion none is told from another
+_CREEP_TIME = 5e-3  # s, as far from the least as from the longest that MuJoCo's time steps make likely
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
-LAWS = ("gms", "lugre", "dahl", "stribeck")  # of friction, that the data start
+LAWS = ("gms", "lugre", "dahl", "stribeck", "frictionloss")  # of friction, that the data start
 
 
 def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
@@ -79,6 +80,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
     found: dict[str, object] = {
         "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
         "coulomb": level, "static": _WEAKER * level, "attraction": 0.1 * level / scales["s"],
+        "creep_time": _CREEP_TIME,
     }  # fmt: skip
     out = []
     velocities = _velocities(observations, scales) if "stribeck_velocity" in law.unset else (None,)

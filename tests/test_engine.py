@@ -448,6 +448,21 @@ def test_coulomb_brakes_like_frictionloss():
     assert np.abs(ours - theirs).max() < 2e-3 * np.ptp(theirs)
 
 
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3])
+@pytest.mark.parametrize("solver", ["", 'solreffriction="0.008 1" solimpfriction="0.8 0.9 0.001 0.5 2"'])
+def test_frictionloss_is_that_of_mujoco(timestep, solver):
+    """MuJoCo takes the velocity at the beginning of a step, we at its end: a time step less of creep time."""
+    time, least, most = (0.008, 0.8, 0.9) if solver else (0.02, 0.9, 0.95)
+    ahead, level = time * most / 2, 2e-3
+    soft = effects.Frictionloss(
+        coulomb=level, creep_velocity=level * ahead * (1 - least) / (least * J), creep_time=ahead - timestep
+    )
+    torque = 3e-3 * np.sin(2 * np.pi * 4 * timestep * np.arange(round(1 / timestep)))
+    ours, theirs = twin(f'frictionloss="{level}" {solver}', Plant.axis() + soft, torque, timestep=timestep)
+    assert np.ptp(theirs) > 0.1, "the joint must slide"
+    assert np.abs(ours - theirs).max() < 1e-5 * np.ptp(theirs)
+
+
 def test_gms_without_stribeck_is_a_set_of_yielding_tendons():
     stiffness, fraction = (0.8, 0.4, 0.2, 0.1), (0.1, 0.2, 0.3, 0.4)
     law = effects.GMS(

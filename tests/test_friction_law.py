@@ -2,22 +2,26 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, runs
 
 from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.fit import FitResult, acting_early, fit
 from gms_mujoco.frf_observation import Seen
 from gms_mujoco.friction_law import FrictionLaw, choices, with_law
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
 from gms_mujoco.report import render
 from gms_mujoco.search import Search
 
 TRUE = {"stiffness": 2.0, "damping": 1e-3, "coulomb": LEVEL, "static": 5.5e-3, "stribeck_velocity": 0.6}
 SECONDS = 2.0
+SUBSTEPS = 10  # of MuJoCo in a sample
 BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e-5)
 CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
     coulomb=LEVEL, static=5.5e-3, stribeck_velocity=3.0, creep_velocity=0.3
@@ -33,9 +37,9 @@ def found() -> dict[str, Diagnosis]:
 
 def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
     own, *others = choices(HEALTHY)
-    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "stribeck"] and all(e.unset for e in others)
-    assert "creep_velocity" in others[1].unset
-    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "stribeck"]
+    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "stribeck", "frictionloss"]
+    assert all(e.unset for e in others) and "creep_velocity" in others[1].unset
+    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "stribeck", "frictionloss"]
     assert not choices(Plant.axis(J) + effects.Coulomb(coulomb=LEVEL)) and not choices(HEALTHY + BRISTLE["lugre"])
 
 
@@ -69,6 +73,40 @@ def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidd
     assert str(d.to_dict()["steps"][0]["evidence"]).startswith("stribeck, which gives way below its level (creep")
     law = d.plant["stribeck"]
     assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
+
+
+def by_mujoco(hidden: str) -> Dataset:
+    """Runs of an axis that MuJoCo itself simulates, frictionloss and all, at its default solver parameters."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{SAMPLE_TIME / SUBSTEPS}" gravity="0 0 0"/><worldbody><body>
+        <joint name="shaft" axis="0 0 1" damping="2e-5" frictionloss="{LEVEL}"/>
+        <inertial pos="0 0 0" mass="1e-6" diaginertia="{J} {J} {J}"/></body></worldbody>
+        <actuator><motor joint="shaft"/>{hidden}</actuator></mujoco>"""
+    )
+
+    def again(record: Record) -> Record:
+        data, position = mujoco.MjData(model), np.empty(len(record))
+        for k, torque in enumerate(record.torque):
+            position[k] = data.qpos[0]
+            data.ctrl[0] = torque
+            mujoco.mj_step(model, data, SUBSTEPS)
+        noise = TORQUE_NOISE * np.random.default_rng(len(record.name)).standard_normal(len(record))
+        signals = {"torque": record.torque + noise, "position": COUNT * np.round(position / COUNT)}
+        return replace(record, signals=signals)
+
+    made = dataset(HEALTHY, SECONDS)
+    return replace(made, records=tuple(again(r) for r in made.records))
+
+
+@pytest.mark.parametrize("hidden", ["", "cogging"])
+def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str) -> None:
+    cogs = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
+    d = diagnose(by_mujoco(cogs if hidden else ""))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    law, ahead = d.plant["frictionloss"], 0.02 * 0.95 / 2
+    assert law.coulomb == pytest.approx(LEVEL, rel=0.02)
+    assert law.creep_velocity == pytest.approx(LEVEL * ahead / (9 * J), rel=0.02)
+    assert law.creep_time == pytest.approx(ahead, rel=0.02)
 
 
 def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:

@@ -121,4 +121,5 @@ const gms::Effect gms_effect_backlash = {
     torque,
     nullptr,
     true,
+    true,
 };

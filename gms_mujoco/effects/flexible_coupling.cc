@@ -47,4 +47,5 @@ const gms::Effect gms_effect_flexible_coupling = {
     torque,
     nullptr,
     true,
+    true,
 };

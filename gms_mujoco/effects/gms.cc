@@ -190,6 +190,7 @@ const gms::Effect gms_effect_gms = {
     torque,
     elements,
     true,
+    false,
     torques,
     alternatives,
 };

@@ -105,6 +105,9 @@ struct Effect {
   // alike in both directions half is then enough.
   bool turns_round = false;
 
+  // Whether over one step it may change faster far from standstill than near it, as that of a body behind a gap does.
+  bool steepens = false;
+
   // What `torque` gives, to the last bit, for up to kTogether joints, of which each has its parameters, motion, level and
   // states, from number `at` of theirs on: for speed alone. `level` is null where nothing modulates friction. Null: `torque`
   // is called for each.
@@ -125,6 +128,17 @@ extern const int kCatalogueSize;
 #endif
 
 inline double sign(double x) { return (x > 0) - (x < 0); }
+
+// Acceleration where an interval ends, of one that began with the velocity `before`: of the cubic through both ends; in a
+// step of semi-implicit Euler, which has jumped to its last velocity at once, and where rounding of the position leaves
+// nothing of a cubic, the mean.
+inline double acceleration(const Motion& m, double before) {
+  constexpr double kRounding = 1e-14;  // of the position, with room
+  const double change = m.velocity - before, ahead = m.velocity - m.rate();
+  const bool jumps = std::fabs(ahead) <= 1e-3 * std::fabs(change);
+  const bool rounded = kRounding * std::fabs(m.position) > m.duration * std::fabs(change);
+  return (jumps || rounded ? change : 6 * ahead - 2 * change) / m.duration;
+}
 
 #ifdef GMS_MUJOCO_KERNEL
 inline double decay(double x) { return std::exp(-x); }

@@ -133,7 +133,7 @@ bool Implicit::settled(Unit* u, double velocity, double now, double reaction, do
   // that the joint comes from more and more of it slips, so that the slope known there bounds those to come; unless
   // there is a load to run into. A stiff neighbour is moved too, and winds up by what that is off: for its sake f has to
   // be exact.
-  const bool softens = side == u->side && side * (now - u->still) > 0 && !u->joint->has_load();
+  const bool softens = side == u->side && side * (now - u->still) > 0 && !u->joint->steepens();
   const double bound = softens ? std::max({u->slope, u->used, u->bend}) : std::max(u->steepest, u->used);
   const double own = h * bound * u->weight;
   const auto enough = [&](double off, double torque) {

@@ -1,7 +1,6 @@
 #include "joint.h"
 
 #include <algorithm>
-#include <cstring>
 
 namespace gms {
 
@@ -16,8 +15,8 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   int size = 0;
   for (const Parameter& q : effect->parameters) {
     if (q.name) size += q.per_element ? n : 1;
-    if (q.name && !std::strcmp(q.unit, "kg m^2")) has_load_ = true;
   }
+  steepens_ |= effect->steepens;
   uses_.push_back({effect, n, std::vector<double>(p, p + size), n_state_});
   const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1};
   if (effect->modulate) modulators_.push_back(call);

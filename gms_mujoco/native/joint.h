@@ -112,8 +112,8 @@ class Joint {
   // the virgin state and from the other end of its memory; very large for a static law.
   double slope(double h) const;
 
-  // Whether part of the inertia is behind a coupling.
-  bool has_load() const { return has_load_; }
+  // Whether an effect of it steepens: see Effect.
+  bool steepens() const { return steepens_; }
 
   // Whether the torque depends on the load.
   bool reads_load() const;
@@ -143,7 +143,7 @@ class Joint {
   int n_state_ = kAnchor;
   int n_memory_ = 0;
   int at_once_ = kTogether;
-  bool has_load_ = false;
+  bool steepens_ = false;
   const Joint* kind_ = this;  // one that has the same effects and elements
 };
 
