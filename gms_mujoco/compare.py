@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -28,6 +28,7 @@ from .score import POSITION, TORQUE, Score, relative_error
 from .servo_observation import ServoObservation
 from .servo_residuals import ServoResiduals
 from .threads import each
+from .time_steps import TOLD, TimeSteps, as_fitted
 
 Array = NDArray[np.float64]
 
@@ -242,12 +243,19 @@ def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = Non
     """
     driven(plant, data).complete()
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
-    return compare_observations(plant, observe(data, plant.inertia, bandwidth, plant))
+    observations = observe(data, plant.inertia, bandwidth, plant)
+    found = compare_observations(plant, observations)
+    if TOLD not in plant.provenance:
+        return found
+    # What was identified from a simulation may be compared with a machine, whose log has no time steps.
+    provenance = {k: v for k, v in plant.provenance.items() if k != TOLD}
+    return min(found, compare_observations(replace(plant, provenance=provenance), observations), key=lambda c: c.error)
 
 
 def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Noise | None = None) -> Comparison:
     """`compare` on records that are already seen through a band."""
     assert plant.inertia is not None
+    observations = as_fitted(observations, plant.provenance)
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
     records = [o for o in observations if isinstance(o, Observation)]
     memories = each(lambda o: _memory(plant, o), records)
@@ -278,6 +286,7 @@ def quick_error(plant: Plant, observations: Sequence[Seen], near: Comparison) ->
         servos = [o for o in observations if isinstance(o, ServoObservation)]
         wrong = each(lambda o: o.applied(plant) - o.simulated(plant), servos)
         return POSITION.pooled(wrong, wrong)
+    observations = as_fitted(observations, plant.provenance)
     skew = float(plant.provenance.get("clock_skew", 0.0))
     applied = [o.applied(plant, skew) for o in observations]
     memories = [plant.carried(near.plant, r.memory) for r in near.records]
@@ -323,31 +332,32 @@ def _compare_one(
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
-    torque = delivered(plant, r, _SUBSTEPS)
+    parts = 1 if isinstance(o, TimeSteps) else _SUBSTEPS
+    torque = o.delivered(plant) if isinstance(o, TimeSteps) else delivered(plant, r, parts)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")
-    fine_load, fine_temperature = (None if x is None else np.repeat(x, _SUBSTEPS) for x in (load, temperature))
+    fine_load, fine_temperature = (None if x is None else np.repeat(x, parts) for x in (load, temperature))
     states = joint.replay(r.time, o.position, o.velocity, load, temperature, memory, states=True).states
     assert states is not None
     inertia = np.broadcast_to(inertia_along(r, plant.driven_inertia), len(r))
     rigid = r.get("rigid_torque")
-    torque = torque if rigid is None else torque - np.repeat(rigid, _SUBSTEPS)
+    torque = torque if rigid is None else torque - np.repeat(rigid, parts)
     if inertia.min() <= 0:  # an effect has taken more inertia behind a coupling than there is
         return float("nan")
     length = max(round(WINDOW / r.sample_time), 2)
     wrong, moved = [], []
     for a in range(int(o.index[0]), len(r) - length, length):
-        here = slice(a * _SUBSTEPS, (a + length) * _SUBSTEPS + 1)
+        here = slice(a * parts, (a + length) * parts + 1)
         motion = joint.simulate(
-            float(inertia[a : a + length + 1].mean()), r.sample_time / _SUBSTEPS, torque[here], float(o.position[a]),
+            float(inertia[a : a + length + 1].mean()), r.sample_time / parts, torque[here], float(o.position[a]),
             float(o.velocity[a]),
             start=float(r.time[a]), state=states[a],
             load=None if fine_load is None else fine_load[here],
             temperature=None if fine_temperature is None else fine_temperature[here],
         )  # fmt: skip
-        # Half a time step of the velocity back: see simulate.
+        # Half a time step of the velocity back: see simulate. What was simulated so itself is where it is.
         with np.errstate(over="ignore", invalid="ignore"):
-            lead = 0.5 * r.sample_time / _SUBSTEPS * (motion.velocity[-1] - motion.velocity[0])
+            lead = 0.5 * r.sample_time / parts * (motion.velocity[-1] - motion.velocity[0]) if parts > 1 else 0.0
             simulated = motion.position[-1] - motion.position[0] - lead
         measured = o.position[a + length] - o.position[a]
         wrong.append(simulated - measured)

@@ -288,7 +288,7 @@ def _conclude(
 ) -> Diagnosis:
     last = steps[-1].result
     holds = _holds([s.comparison for s in steps if s.comparison is not None])
-    at_floor = (search.at_floor or _as_good(steps[-1])) and holds
+    at_floor = (search.at_floor or _as_good(steps[-1], search.seen[0].score)) and holds
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
@@ -346,7 +346,7 @@ def _with_shapes(
     return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
 
 
-def _as_good(step: Step) -> bool:
+def _as_good(step: Step, score: Score) -> bool:
     """Whether hardly more is left than noise leaves, of all that was fitted and of all that was not.
 
     The search looks closer: at what the motion determines, of which a coarse encoder may leave little, and known worse
@@ -355,7 +355,7 @@ def _as_good(step: Step) -> bool:
     ends = [(step.result.error, step.result.floor)]
     if step.comparison is not None:
         ends.append((step.comparison.error, step.comparison.noise_floor))
-    return all(error <= _CLOSE * floor for error, floor in ends)
+    return all(error <= max(_CLOSE * floor, score.negligible) for error, floor in ends)
 
 
 def _holds(comparisons: Sequence[Comparison]) -> bool:
@@ -367,7 +367,7 @@ def _holds(comparisons: Sequence[Comparison]) -> bool:
         return True
     *before, last = comparisons
     most = min(_NEAR_FLOOR * last.noise_floor, *(c.error for c in before), math.inf)
-    return last.error <= max(most, AT_FLOOR * last.noise_floor)
+    return last.error <= max(most, AT_FLOOR * last.noise_floor, last.score.negligible)
 
 
 def _elsewhere(step: Step) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,7 @@ from .servo_observation import ServoObservation, errors_of
 from .starts import other_weakenings
 from .tall import squared
 from .threads import one_blas_thread
+from .time_steps import TOLD, TimeSteps, in_steps, steps_of
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
@@ -39,6 +42,7 @@ _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
+_STEPS_SHARE = 0.5  # of the squared error above the floor, that time steps have to take
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 
 
@@ -74,6 +78,12 @@ class FitResult:
         """
         left = self.misfit.residual(self.vector) if most is None else most
         return np.concatenate(_floor_rows(self.misfit, self.vector, left, noise))
+
+    @cached_property
+    def negligible(self) -> float:
+        """Squared residual that is too little to have a cause [N^2 m^2]."""
+        seen = self.misfit.observations
+        return seen[0].score.negligible ** 2 * sum(squared(o.applied(self.plant)) for o in seen)
 
     @property
     def habit(self) -> str:
@@ -149,8 +159,8 @@ def fit(
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     misfit, x = _from_the_data(plant, observations, fixed, report)
-    if _pressing(misfit, x) and (early := acting_early(_result(misfit, x), fixed)):
-        misfit, x = _from_the_data(plant, early, fixed)
+    while _may_be_logged_otherwise(misfit, x) and (seen := as_logged(_result(misfit, x), fixed)):
+        misfit, x = _from_the_data(plant, seen, fixed)
     found = _weakened_otherwise(_finished(misfit, x), plant, fixed, report)
     report(1.0, found.status)
     return found
@@ -180,6 +190,44 @@ def fit_observations(
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
     return _result(*_from_the_data(plant, observations, fixed, progress, below))
+
+
+def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
+    """The observations by another habit of the log, which is no physics, and no effect; None where none explains more.
+
+    Args:
+        found: a fit by the habit that is known so far.
+        fixed: parameters that stay, as "effect.parameter".
+        share: of the squared error above the noise floor, that torques before their rows have to take.
+    """
+    return acting_early(found, fixed, share) or _as_time_steps(found, fixed)
+
+
+def _may_be_logged_otherwise(misfit: Misfit, x: Array) -> bool:
+    early = any(isinstance(o, Observation) and o.early for o in misfit.observations)
+    return early or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x))
+
+
+def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
+    """The observations, of records whose rows are the time steps of a simulation.
+
+    Their torques seem to act before their rows, by half a row or more, unless a delay puts them off.
+    """
+    misfit, x = found.misfit, found.vector
+    records = [o for o in misfit.observations if isinstance(o, Observation) and not isinstance(o, TimeSteps)]
+    asks = all(o.early for o in records) or "delay" in found.plant
+    if not records or not asks or any(o.record.sensed for o in records) or near_floor(found):
+        return None
+    left = squared(misfit.residual(x))
+    enough = max(_EARNED * left, _STEPS_SHARE * (left - squared(found.floor_rows)))
+    best = None
+    for late, ahead in itertools.product((0, 1), (0, 1)):
+        seen = in_steps(misfit.observations, late, ahead)
+        trial = Misfit(found.plant, seen, fixed)
+        again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
+        if left - (least := again.misfit.cost(again.vector)) > enough:
+            best, enough = seen, left - least
+    return best
 
 
 def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -228,6 +276,9 @@ def _habit(misfit: Misfit, x: Array) -> str:
     """A sentence on torques that acted at another instant than their rows say; "" where they did not."""
     sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
     skew = misfit.skew(x)
+    if steps := steps_of(misfit.observations):
+        when = "before it" if steps[0] == 0 else "after it"
+        return f"Each row is a time step of a simulation (v += h a, q += h v) with the position {when}: taken as such"
     if not misfit.n_skew or abs(skew) <= misfit.most_skew:
         return ""
     by = f"{1e3 * abs(skew):.2g} ms ({abs(skew) / sample:.2f} samples)"
@@ -295,7 +346,9 @@ def _begun_without(
 
 def near_floor(found: FitResult) -> bool:
     """Whether a fit leaves hardly more than the sensors."""
-    return squared(found.misfit.residual(found.vector)) <= _NEAR_FLOOR**2 * squared(found.floor_rows)
+    return squared(found.misfit.residual(found.vector)) <= max(
+        _NEAR_FLOOR**2 * squared(found.floor_rows), found.negligible
+    )
 
 
 def fit_to_end(
@@ -382,6 +435,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "clock_skew": misfit.skew(x),
         "version": f"gms_mujoco {__version__}",
     }
+    if steps := steps_of(observations):
+        provenance[TOLD] = list(steps)
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)

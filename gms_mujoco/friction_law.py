@@ -99,7 +99,7 @@ class FrictionLaw:
         else:
             search.steps = [Step(None, trial.result, held_out=trial.held_out)]
             search.shape()
-            if search.early():  # what the wrong law left was too much to see a habit of the log beside it
+            if search.relogged():  # what the wrong law left was too much to see a habit of the log beside it
                 search.first(lambda done, message: None)
 
 

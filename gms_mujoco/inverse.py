@@ -196,8 +196,6 @@ class Observation:
         against none.
         """
         q, count = self.record.position, count_size(self.record)
-        if not count:
-            return np.ones(len(self.index), bool)
         period = max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
         span = ndimage.maximum_filter1d(q, period + 1) - ndimage.minimum_filter1d(q, period + 1)
         return np.asarray(ndimage.minimum_filter1d(span > _STUCK * count, 2 * period + 1)[self.index])
@@ -364,9 +362,14 @@ class Observation:
         mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]
         return mean
 
+    @property
+    def _mean_command(self) -> Array:
+        """(n,) mean of the torque commanded, around each sample."""
+        return mean_torque(self.record)
+
     @cached_property
     def _commanded(self) -> tuple[Array, Array, Array]:
-        torque, rate, bend = map(self.band, self._shifted(mean_torque(self.record)))
+        torque, rate, bend = map(self.band, self._shifted(self._mean_command))
         return torque, rate, bend
 
     def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:

@@ -281,10 +281,12 @@ def left_of(misfit: Misfit, vector: Array) -> float:
 
 
 def floor_of(result: FitResult, noise: Noise | None = None, most: Array | None = None) -> float:
-    """The same that sensor noise alone would leave, as found or another, see `FitResult.floor_under` [N^2 m^2]."""
+    """The same that sensor noise alone would leave, as found or another, see `FitResult.floor_under`, or that is
+    negligible [N^2 m^2]."""
     misfit = result.misfit
     rows = result.floor_rows if noise is None else result.floor_under(noise, most)
-    return float(np.sum(rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
+    left = float(np.sum(rows[determined(misfit)] ** 2)) / misfit.delivered(result.vector)
+    return max(left, result.negligible)
 
 
 def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:

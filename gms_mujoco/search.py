@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, acting_early, fit_observations, refine
+from .fit import EARLY_SHARE, FitResult, as_logged, fit_observations, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
@@ -125,8 +125,8 @@ class Search:
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
-        if early := acting_early(result):
-            result = fit_observations(self.start, early, progress=report)
+        while seen := as_logged(result):
+            result = fit_observations(self.start, seen, progress=report)
         for e in filter(is_open, self.start.effects):
             self.start = self.start.replace(result.plant[e.name])
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
@@ -244,7 +244,7 @@ class Search:
         earned = [t for t in trials if t.name in passed and self._earns(t)]
         if not earned:
             return False
-        if self.early(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
+        if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
             self.first(lambda done, message: None)
             return True
         chosen, others = simplest([t.held_out for t in earned], [t.result.misfit.coordinates.size for t in earned])
@@ -255,7 +255,7 @@ class Search:
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if (self.shape() and self._needless(name)) or self.early():
+        if (self.shape() and self._needless(name)) or self.relogged():
             self.first(lambda done, message: None)
         return True
 
@@ -364,11 +364,11 @@ class Search:
                 self.start = self.start.replace(e.replace(stribeck_exponent=exponent))
         return bent is not last.result
 
-    def early(self, share: float = EARLY_SHARE) -> bool:
-        """Lets torques act before their rows, where that explains what an effect has hidden, or may stand for."""
-        early = acting_early(self.steps[-1].result, share=share)
-        self.seen = early or self.seen
-        return early is not None
+    def relogged(self, share: float = EARLY_SHARE) -> bool:
+        """Sees the log by another of its habits, where that explains what an effect has hidden, or may stand for."""
+        seen = as_logged(self.steps[-1].result, share=share)
+        self.seen = seen or self.seen
+        return seen is not None
 
     def is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
         """Whether a fit with one effect more takes enough of what the current plant leaves; see `judgement`."""

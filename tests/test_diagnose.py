@@ -24,6 +24,7 @@ from gms_mujoco.fit import fit
 from gms_mujoco.joint_fits import FORMS
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.score import POSITION, TORQUE
 from gms_mujoco.search import Step
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
@@ -136,7 +137,12 @@ def test_what_is_left_is_noise_where_all_of_it_hardly_exceeds_the_floor(
 ) -> None:
     result: Any = SimpleNamespace(error=0.1 * fitted, floor=0.1)
     comparison: Any = None if new is None else SimpleNamespace(error=0.2 * new, noise_floor=0.2)
-    assert _as_good(Step(None, result, comparison)) == good
+    assert _as_good(Step(None, result, comparison), TORQUE) == good
+
+
+def test_less_than_a_thousandth_is_left_alone_where_it_is_of_a_torque() -> None:
+    result: Any = SimpleNamespace(error=9e-4, floor=1e-6)
+    assert _as_good(Step(None, result), TORQUE) and not _as_good(Step(None, result), POSITION)
 
 
 def test_one_impact_gets_no_name() -> None:

@@ -10,7 +10,7 @@ from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKN
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import Diagnosis, diagnose
-from gms_mujoco.fit import FitResult, acting_early, fit
+from gms_mujoco.fit import FitResult, as_logged, fit
 from gms_mujoco.frf_observation import Seen
 from gms_mujoco.friction_law import FrictionLaw, choices, with_law
 from gms_mujoco.observe import observe
@@ -126,9 +126,9 @@ def test_a_habit_of_the_log_is_allowed_for_beside_the_law_that_was_taken(monkeyp
     """Though what the wrong law left was too much to see beside it that currents were measured after they had acted."""
 
     def seen(found: FitResult, **given: float) -> list[Seen] | None:
-        return acting_early(found, **given) if "lugre" in found.plant else None
+        return as_logged(found, **given) if "lugre" in found.plant else None
 
-    monkeypatch.setattr("gms_mujoco.search.acting_early", seen)
+    monkeypatch.setattr("gms_mujoco.search.as_logged", seen)
     early = 0.4
     held = [(1 - early) * r.torque + early * np.append(r.torque[:1], r.torque[:-1]) for r in runs(BRISTLE)]
     logged = [replace(r, signals={**r.signals, "torque": u}) for r, u in zip(runs(BRISTLE), held, strict=True)]

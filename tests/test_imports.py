@@ -19,7 +19,7 @@ LAYERS = [
     {"servo_observation"},
     {"servo_starts", "simulate", "inverse", "sines", "frf_observation", "noise", "scales", "motion", "starts", "engine",
      "tasks", "axis", "dahl_resonance"},
-    {"first_state", "candidates", "derivatives"},
+    {"first_state", "candidates", "derivatives", "time_steps"},
     {"batched", "observe", "misfit", "least_squares", "placement", "intervals", "undetermined", "residuals", "robot",
      "plausible", "speed_curve"},
     {"compare_servo", "rough"},

@@ -1,0 +1,115 @@
+"""Logs of simulations, a row for every time step: followed as they were taken, to the last digit."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, runs
+
+import gms_mujoco as gms
+from gms_mujoco import effects
+from gms_mujoco.compare import compare
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.excitation import multisine
+from gms_mujoco.fit import as_logged, fit, fit_observations
+from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.time_steps import TOLD, as_fitted, in_steps, steps_of
+
+H = 2e-3  # s, of MuJoCo by default
+COGS = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
+COGGING = effects.Cogging(harmonics=[7], amplitude=[0.1 * LEVEL], phase=[0.0])  # to begin with
+LAWS = {"frictionloss": effects.Frictionloss(), "gms": effects.GMS(elements=2)}
+
+
+def model(law: str, more: str = "") -> mujoco.MjModel:
+    """An axis with MuJoCo's own friction, or with ours."""
+    own = f'frictionloss="{LEVEL}" damping="2e-5"' if law == "frictionloss" else ""
+    xml = (
+        f'<mujoco><option timestep="{H}" gravity="0 0 0"/><worldbody><body><joint name="shaft" axis="0 0 1" {own}/>'
+        f'<inertial pos="0 0 0" mass="1e-6" diaginertia="{J} {J} {J}"/></body></worldbody>'
+        f'<actuator><motor joint="shaft"/>{more}</actuator></mujoco>'
+    )
+    if law == "frictionloss":
+        return mujoco.MjModel.from_xml_string(xml)
+    return gms.attach(xml, {"shaft": HEALTHY}, integration="explicit").compile()
+
+
+def logged(m: mujoco.MjModel, after: bool = False, seconds: float = 4.0, noise: float = 0.0) -> Dataset:
+    """Runs of it, every step a row, with the position before the step or after it."""
+    out = []
+    for use in ("fit", "validate"):
+        for i, (low, high, rms) in enumerate(REGIMES):
+            rng = np.random.default_rng([i, len(use)])
+            torque = multisine(round(seconds / H), H, low, high, rms * LEVEL, rng)
+            data, position = mujoco.MjData(m), np.empty((len(torque), 2))
+            for k, u in enumerate(torque):
+                position[k, 0] = data.qpos[0]
+                data.ctrl[0] = u
+                mujoco.mj_step(m, data)
+                position[k, 1] = data.qpos[0]
+            signals = {"torque": torque + noise * rng.standard_normal(len(torque)), "position": position[:, int(after)]}
+            out.append(Record(f"{use}_{i}", H * np.arange(len(torque)), signals, use))
+    return Dataset(Path(), tuple(out), "hinge", J)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("after", [False, True])
+def test_the_steps_of_a_simulation_are_followed_to_the_last_digits(law: str, after: bool) -> None:
+    seen = in_steps(observe(logged(model(law, COGS), after).fit, J), int(after), int(law == "frictionloss"))
+    found = fit_observations(Plant.axis(J) + LAWS[law] + effects.Viscous() + COGGING, seen)
+    assert found.error < 1e-6
+    assert found.plant["cogging"].amplitude == pytest.approx([0.2 * LEVEL], rel=1e-4)
+    assert found.plant[law].coulomb == pytest.approx(LEVEL, rel=1e-4)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("after", [False, True])
+def test_a_fit_finds_out_that_rows_are_time_steps_and_tells_it(law: str, after: bool) -> None:
+    data = logged(model(law), after, noise=TORQUE_NOISE)
+    found = fit(Plant.axis(J) + LAWS[law] + effects.Viscous(), data.fit)
+    assert steps_of(found.misfit.observations) == (int(after), int(law == "frictionloss"))
+    assert found.error < 1.2 * found.floor
+    assert "is a time step" in found.habit and ("after it" in found.habit) == after
+    held_out = compare(found.plant, data.validate)
+    assert held_out.error < 1.2 * held_out.noise_floor and held_out.simulation_error < 0.02
+
+
+@pytest.mark.parametrize("hidden", ["", "cogging"])
+def test_what_a_simulation_hides_is_named_and_nothing_is_left(hidden: str) -> None:
+    d = diagnose(logged(model("frictionloss", COGS if hidden else ""), after=True))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    assert d.steps[-1].validate_error < 1e-4 and "time step" in str(d)
+
+
+def test_the_log_of_a_bench_is_none_of_time_steps() -> None:
+    found = fit(Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous(), runs(HEALTHY))
+    assert steps_of(found.misfit.observations) is None and TOLD not in found.plant.provenance
+    assert as_logged(found) is None
+
+
+def test_torques_measured_after_they_acted_are_none_either() -> None:
+    late = [replace(r, signals={**r.signals, "torque": np.append(r.torque[:1], r.torque[:-1])}) for r in runs(HEALTHY)]
+    found = fit(Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous(), late)
+    assert steps_of(found.misfit.observations) is None and "before their rows" in found.habit
+
+
+def test_a_plant_keeps_how_it_was_logged_and_is_compared_with_other_logs_as_they_are(tmp_path: Path) -> None:
+    data = logged(model("gms"))
+    plant = fit(Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous(), data.fit).plant
+    plant.save(tmp_path / "model.toml")
+    loaded = Plant.load(tmp_path / "model.toml")
+    assert steps_of(as_fitted(observe(data.fit, J), loaded.provenance)) == (0, 0)
+    assert compare(loaded, data.validate).error < 1e-3
+    measured = compare(loaded, runs(HEALTHY, "validate"))
+    assert measured.error < 1.5 * measured.noise_floor
+
+
+def test_steps_stay_steps() -> None:
+    (seen, *_) = in_steps(observe(logged(model("gms"), seconds=1.0).fit, J), 0, 0)
+    assert steps_of([seen.opening(0.5)]) == steps_of([seen.again(seen.record.position)]) == (0, 0)
+    assert seen.acting_early() is seen
