@@ -39,6 +39,7 @@ _SAME = 0.9  # cosine between what two candidates do to the residual, above whic
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
 CLOSE = 1.5  # times what the best left: an effect that left more is none in its place
 NEARLY = 0.9  # of what the best took: one of fewer parameters that took as much is
+_NO_MORE = 0.01  # of what a fit leaves: one that leaves so little more leaves as much
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 
@@ -289,20 +290,23 @@ def floor_of(result: FitResult, noise: Noise | None = None, most: Array | None =
     return max(left, result.negligible)
 
 
-def simplest(held_out: Sequence[HeldOut], sizes: Sequence[int]) -> tuple[int, list[int]]:
+def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
 
     As good is what is not told from the best, or leaves hardly more: long records tell apart what makes no difference.
-
-    Args:
-        held_out: what each leaves.
-        sizes: free parameters of each.
+    So is what has fewer free parameters and leaves no more of what it was fitted to, as a coupling where a play has no
+    gap: the further unknowns say nothing, and where refits beside them predict better a fold has led the others astray.
     """
-    best = min(held_out, key=lambda h: h.total)
+    held_out = [t.held_out for t in trials]
+    sizes = [t.result.misfit.coordinates.size for t in trials]
+    left = [left_of(t.result.misfit, t.result.vector) for t in trials]
+    best = min(range(len(trials)), key=lambda i: held_out[i].total)
     equal = [
         i
         for i, h in enumerate(held_out)
-        if p_value(h, best) > _CONFUSABLE or h.total - best.total < LEAST_GAIN * best.total
+        if p_value(h, held_out[best]) > _CONFUSABLE
+        or h.total - held_out[best].total < LEAST_GAIN * held_out[best].total
+        or (sizes[i] < sizes[best] and left[i] <= (1 + _NO_MORE) * left[best])
     ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]

@@ -47,7 +47,7 @@ def exchange(search: Search) -> None:
             or _simpler(t, step, search.steps[k - 1])
         ]
         trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
-        chosen, equal = simplest([t.held_out for t in trials], [t.result.misfit.coordinates.size for t in trials])
+        chosen, equal = simplest(trials)
         if chosen:
             rest = [t for t in step.others if t.name != trials[chosen].name]
             rest.append(Trial(step.effect, step.result, step.held_out))

@@ -247,7 +247,7 @@ class Search:
         if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
             self.first(lambda done, message: None)
             return True
-        chosen, others = simplest([t.held_out for t in earned], [t.result.misfit.coordinates.size for t in earned])
+        chosen, others = simplest(earned)
         name, result, held_out = earned[chosen]
         confusable = tuple(earned[i].name for i in others)
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause

@@ -13,7 +13,7 @@ from gms_mujoco import effects, judgement
 from gms_mujoco.fit import FitResult, refine
 from gms_mujoco.held_out import HeldOut
 from gms_mujoco.inverse import Observation
-from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share
+from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share, simplest
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -25,6 +25,28 @@ def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
         names = {f"effect {i}": float(v) for i, v in enumerate(p)}
         adjusted = stats.false_discovery_control(p)
         assert discoveries(names) == {f"effect {i}" for i in np.flatnonzero(adjusted <= FALSE_DISCOVERY_RATE)}
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left", "chosen", "others"),
+    [(1.0, 1.0, 1, [0]), (2.0, 1.0, 1, [0]), (2.0, 1.005, 1, [0]), (2.0, 1.2, 0, [])],
+    ids=["as good on both", "refits led astray", "hardly more", "worse"],
+)
+def test_fewer_parameters_that_leave_as_much_are_preferred(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, chosen: int, others: list[int]
+) -> None:
+    """The play is the first, with one parameter more than the coupling."""
+    monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: misfit.left)
+    seen = observe(runs(HEALTHY), J)
+    noise = np.random.default_rng(0).standard_normal(sum(len(o.index) for o in seen))
+
+    def trial(name: str, size: int, left: float, held_out: float) -> judgement.Trial:
+        misfit = SimpleNamespace(left=left, coordinates=SimpleNamespace(size=size))
+        result: Any = SimpleNamespace(misfit=misfit, vector=None)
+        return judgement.Trial(name, result, HeldOut(np.sqrt(held_out) * noise, seen))
+
+    trials = [trial("backlash", 5, 1.0, 1.0), trial("flexible_coupling", 4, left, held_out)]
+    assert simplest(trials) == (chosen, others)
 
 
 @pytest.mark.parametrize(("second", "taken"), [((1.0, 0.1), 3), ((0.1, 1.0), 2)], ids=["alike", "different"])
