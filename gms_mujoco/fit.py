@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -220,14 +219,17 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
         return None
     left = squared(misfit.residual(x))
     enough = max(_EARNED * left, _STEPS_SHARE * (left - squared(found.floor_rows)))
-    best = None
-    for late, ahead in itertools.product((0, 1), (0, 1)):
-        seen = in_steps(misfit.observations, late, ahead)
-        trial = Misfit(found.plant, seen, fixed)
+
+    def left_in(late: int, ahead: tuple[int, int]) -> float:
+        trial = Misfit(found.plant, in_steps(misfit.observations, late, ahead), fixed)
         again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
-        if left - (least := again.misfit.cost(again.vector)) > enough:
-            best, enough = seen, left - least
-    return best
+        return again.misfit.cost(again.vector)
+
+    tried = {(late, ahead): left_in(late, ahead) for late in (0, 1) for ahead in ((0, 0), (1, 1))}
+    late, _ = min(tried, key=lambda k: tried[k])
+    tried |= {(late, ahead): left_in(late, ahead) for ahead in ((0, 1), (-1, 1))}
+    best = min(tried, key=lambda k: tried[k])
+    return in_steps(misfit.observations, *best) if left - tried[best] > enough else None
 
 
 def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -436,7 +438,7 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         "version": f"gms_mujoco {__version__}",
     }
     if steps := steps_of(observations):
-        provenance[TOLD] = list(steps)
+        provenance[TOLD] = [steps[0], *steps[1]]
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)

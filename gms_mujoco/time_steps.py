@@ -28,7 +28,8 @@ from .plant import Plant
 
 Array = NDArray[np.float64]
 
-TOLD = "time_steps"  # in the provenance of a plant: [rows that the torque of a step, and the friction, are late]
+TOLD = "time_steps"  # in the provenance of a plant: `late`, and the two of `ahead`
+_DAMPING = ("viscous", "quadratic_drag")  # what simulators take at the end of a step though not friction
 _FINE = 8  # parts of a step in which the drive's torque is followed
 
 
@@ -39,11 +40,12 @@ class TimeSteps(Observation):
     Attributes:
         late: rows by which the torque of a step comes after the position that it set out from: 0 where both are
             logged before the step, 1 where the position is that after it.
-        ahead: 1 where friction is taken at the end of the step, as MuJoCo takes damping and its constraints; else 0.
+        ahead: of friction, and of damping: 1 where it is taken at the end of the step, as MuJoCo takes damping and
+            constraints, -1 where it was at the end of the step before, as a state that an actuator integrates; else 0.
     """
 
     late: int = 0
-    ahead: int = 0
+    ahead: tuple[int, int] = (0, 0)
 
     @property
     def skews_within(self) -> tuple[float, float]:
@@ -69,10 +71,9 @@ class TimeSteps(Observation):
         self, plant: Plant, joints: Sequence[native.Joint], memories: Sequence[Array | None], grid: Grid | None = None,
         effect: int = 0, apart: int = 0,
     ) -> Array:  # fmt: skip
-        """As for an `Observation`, but that friction and other effects of one joint are not told apart."""
+        """As for an `Observation`, but that the effects of one joint are not told apart."""
         grid = grid or self.grid(plant, memories[0])
-        ahead = self.ahead if all(kind == "friction" for kind in joints[0].kinds) else 0
-        first = int(self.index[0]) - self._half + ahead
+        first = int(self.index[0]) - self._half + max(self._rows(joints[0]), key=abs)
         band = series.Band(self._kernel, first, self.stride, len(self.index))
         known = [m for m in memories if m is not None]
         return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
@@ -82,18 +83,23 @@ class TimeSteps(Observation):
         return super().replay(plant, memory)
 
     def _banded(self, grid: Grid, torque: Array) -> Array:
-        return self.band(_moved(torque, self.ahead))
+        return self.band(_moved(torque, self.ahead[0]))  # of friction elements, the only ones that are asked for
 
     def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
-        r, rubs = self.record, [kind == "friction" for kind in joint.kinds]
-        apart = bool(self.ahead) and not all(rubs)
+        r, rows = self.record, self._rows(joint)
         signals = r.get("load"), r.get("temperature")
-        found = joint.replay(r.time, self.position, self.velocity, *signals, memory, parts=apart)
-        if found.parts is None:
-            torque = _moved(found.torque, self.ahead)
-        else:
-            torque = _moved(found.parts[:, rubs].sum(1), self.ahead) + found.parts[:, np.logical_not(rubs)].sum(1)
+        parts = joint.replay(r.time, self.position, self.velocity, *signals, memory, parts=True).parts
+        assert parts is not None
+        torque = sum((_moved(f, k) for f, k in zip(parts.T, rows, strict=True)), np.zeros(len(r)))
         return torque, np.arange(len(r), dtype=float)
+
+    def _rows(self, joint: native.Joint) -> list[int]:
+        """By how many rows each effect of a joint is taken ahead."""
+        friction, damping = self.ahead
+        return [
+            damping if name in _DAMPING else friction if kind == "friction" else 0
+            for name, kind in zip(joint.names, joint.kinds, strict=True)
+        ]
 
     def delivered(self, plant: Plant) -> Array:
         """(n,) mean torque that the drive of a plant delivered over each step [N m]."""
@@ -107,11 +113,12 @@ class TimeSteps(Observation):
 
 
 def _moved(x: Array, rows: int) -> Array:
-    """A series (n, ...) so many rows later."""
-    return np.concatenate([x[rows:], np.repeat(x[-1:], rows, axis=0)]) if rows else x
+    """What a series (n, ...) will be so many rows later, or was where that is less than 0."""
+    here = np.clip(np.arange(len(x)) + rows, 0, len(x) - 1)
+    return x[here] if rows else x
 
 
-def in_steps(seen: Sequence[Seen], late: int, ahead: int) -> list[Seen]:
+def in_steps(seen: Sequence[Seen], late: int, ahead: tuple[int, int]) -> list[Seen]:
     """Observations, of which the records are time steps."""
     return [
         TimeSteps(o.record, o.bandwidth, o._cutoff, False, late, ahead) if isinstance(o, Observation) else o
@@ -121,10 +128,12 @@ def in_steps(seen: Sequence[Seen], late: int, ahead: int) -> list[Seen]:
 
 def as_fitted(seen: Sequence[Seen], provenance: Mapping[str, Any]) -> list[Seen]:
     """Observations as those that a plant was fitted to, by its provenance."""
-    told = provenance.get(TOLD)
-    return in_steps(seen, *map(int, told)) if told else list(seen)
+    if TOLD not in provenance:
+        return list(seen)
+    late, friction, damping = map(int, provenance[TOLD])
+    return in_steps(seen, late, (friction, damping))
 
 
-def steps_of(seen: Sequence[Seen]) -> tuple[int, int] | None:
+def steps_of(seen: Sequence[Seen]) -> tuple[int, tuple[int, int]] | None:
     """`late` and `ahead` of the records among observations, where they are time steps."""
     return next(((o.late, o.ahead) for o in seen if isinstance(o, TimeSteps)), None)

@@ -253,6 +253,7 @@ class Joint:
         self.handle = library.gms_joint_new()
         self.n_effects = len(effects)
         self.counts = [n for _, n, _ in effects]
+        self.names = [name for name, _, _ in effects]
         self.kinds = [BY_NAME[name].kind for name, _, _ in effects]
         for name, n, packed in effects:
             p = np.ascontiguousarray(packed, float)
