@@ -287,8 +287,9 @@ def _conclude(
     steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, said: tuple[str, ...]
 ) -> Diagnosis:
     last = steps[-1].result
-    holds = _holds([s.comparison for s in steps if s.comparison is not None])
-    at_floor = (search.at_floor or _as_good(steps[-1], search.seen[0].score)) and holds
+    negligible = max(o.negligible for o in search.seen)
+    holds = _holds([s.comparison for s in steps if s.comparison is not None], negligible)
+    at_floor = (search.at_floor or _as_good(steps[-1], negligible)) and holds
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
@@ -346,7 +347,7 @@ def _with_shapes(
     return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
 
 
-def _as_good(step: Step, score: Score) -> bool:
+def _as_good(step: Step, negligible: float) -> bool:
     """Whether hardly more is left than noise leaves, of all that was fitted and of all that was not.
 
     The search looks closer: at what the motion determines, of which a coarse encoder may leave little, and known worse
@@ -355,10 +356,10 @@ def _as_good(step: Step, score: Score) -> bool:
     ends = [(step.result.error, step.result.floor)]
     if step.comparison is not None:
         ends.append((step.comparison.error, step.comparison.noise_floor))
-    return all(error <= max(_CLOSE * floor, score.negligible) for error, floor in ends)
+    return all(error <= max(_CLOSE * floor, negligible) for error, floor in ends)
 
 
-def _holds(comparisons: Sequence[Comparison]) -> bool:
+def _holds(comparisons: Sequence[Comparison], negligible: float) -> bool:
     """Whether the last plant is as good on new records as those before it and near the noise floor, or at it.
 
     What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to.
@@ -367,7 +368,7 @@ def _holds(comparisons: Sequence[Comparison]) -> bool:
         return True
     *before, last = comparisons
     most = min(_NEAR_FLOOR * last.noise_floor, *(c.error for c in before), math.inf)
-    return last.error <= max(most, AT_FLOOR * last.noise_floor, last.score.negligible)
+    return last.error <= max(most, AT_FLOOR * last.noise_floor, negligible)
 
 
 def _elsewhere(step: Step) -> str:

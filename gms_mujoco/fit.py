@@ -41,6 +41,7 @@ _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
+HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
 _STEPS_SHARE = 0.5  # of the squared error above the floor, that time steps have to take
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 
@@ -81,8 +82,7 @@ class FitResult:
     @cached_property
     def negligible(self) -> float:
         """Squared residual that is too little to have a cause [N^2 m^2]."""
-        seen = self.misfit.observations
-        return seen[0].score.negligible ** 2 * sum(squared(o.applied(self.plant)) for o in seen)
+        return sum(o.negligible**2 * squared(o.applied(self.plant)) for o in self.misfit.observations)
 
     @property
     def habit(self) -> str:
@@ -158,7 +158,9 @@ def fit(
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     misfit, x = _from_the_data(plant, observations, fixed, report)
-    while _may_be_logged_otherwise(misfit, x) and (seen := as_logged(_result(misfit, x), fixed)):
+    for _ in range(HABITS):
+        if not _may_be_logged_otherwise(misfit, x) or not (seen := as_logged(_result(misfit, x), fixed)):
+            break
         misfit, x = _from_the_data(plant, seen, fixed)
     found = _weakened_otherwise(_finished(misfit, x), plant, fixed, report)
     report(1.0, found.status)
@@ -203,8 +205,8 @@ def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARL
 
 
 def _may_be_logged_otherwise(misfit: Misfit, x: Array) -> bool:
-    early = any(isinstance(o, Observation) and o.early for o in misfit.observations)
-    return early or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x))
+    asks = any(isinstance(o, Observation) and (o.early or isinstance(o, TimeSteps)) for o in misfit.observations)
+    return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x))
 
 
 def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
@@ -213,8 +215,9 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     Their torques seem to act before their rows, by half a row or more, unless a delay puts them off.
     """
     misfit, x = found.misfit, found.vector
-    records = [o for o in misfit.observations if isinstance(o, Observation) and not isinstance(o, TimeSteps)]
-    asks = all(o.early for o in records) or "delay" in found.plant
+    records = [o for o in misfit.observations if isinstance(o, Observation)]
+    known = steps_of(misfit.observations)
+    asks = known or all(o.early for o in records) or "delay" in found.plant
     if not records or not asks or any(o.record.sensed for o in records) or near_floor(found):
         return None
     left = squared(misfit.residual(x))
@@ -225,9 +228,12 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
         again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
         return again.misfit.cost(again.vector)
 
-    tried = {(late, ahead): left_in(late, ahead) for late in (0, 1) for ahead in ((0, 0), (1, 1))}
+    if known:  # found while the fit was still far off
+        tried = {known: left}
+    else:
+        tried = {(late, ahead): left_in(late, ahead) for late in (0, 1) for ahead in ((0, 0), (1, 1))}
     late, _ = min(tried, key=lambda k: tried[k])
-    tried |= {(late, ahead): left_in(late, ahead) for ahead in ((0, 1), (-1, 1))}
+    tried |= {(late, a): left_in(late, a) for a in ((0, 0), (1, 1), (0, 1), (-1, 1)) if (late, a) not in tried}
     best = min(tried, key=lambda k: tried[k])
     return in_steps(misfit.observations, *best) if left - tried[best] > enough else None
 
@@ -280,7 +286,9 @@ def _habit(misfit: Misfit, x: Array) -> str:
     skew = misfit.skew(x)
     if steps := steps_of(misfit.observations):
         when = "before it" if steps[0] == 0 else "after it"
-        return f"Each row is a time step of a simulation (v += h a, q += h v) with the position {when}: taken as such"
+        said = f"Each row is a time step of a simulation (v += h a, q += h v) with the position {when}: taken as such"
+        state = ", its friction, a state that was integrated step by step, to 1 % of the torque"
+        return said + state * (steps[1][0] < 0)
     if not misfit.n_skew or abs(skew) <= misfit.most_skew:
         return ""
     by = f"{1e3 * abs(skew):.2g} ms ({abs(skew) / sample:.2f} samples)"

@@ -64,6 +64,7 @@ class FrfObservation(Sines):
     extra: Complex | None = None
 
     score = TORQUE
+    negligible = 1e-3  # as of a record
 
     @property
     def name(self) -> str:

@@ -128,6 +128,7 @@ class Observation:
     additive = True  # what an effect needs does not depend on the others
     jumps = True  # as an element slips at one sample or the next
     score = TORQUE
+    negligible = 1e-3  # error that nobody asks the cause of, as a simulation without noise may leave it
 
     @property
     def name(self) -> str:

@@ -163,13 +163,15 @@ def is_worth_it(
     What distorts the torque also raises the noise that a model without it reports: the lower floor counts. One
     more harmonic of an effect that is there already, no new cause, asks for no `share`.
 
-    It takes that of what the fits leave, too: few records may leave a plant without the effect so little to tell a
-    block by that any other start of the refits predicts it better.
+    Of what is negligible it takes nothing. It takes that of what the fits leave, too: few records may leave a plant
+    without the effect so little to tell a block by that any other start of the refits predicts it better.
 
     What moves less at high frequencies, as an axis behind a coupling, passes on less of the encoder's noise: that
     the noise is less says nothing for an effect, see `_quieter`; nor does what holds in the upper half of the band
     alone, see `_holds_below`.
     """
+    if before.total <= now.negligible:
+        return False
     in_part = takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after)
     takes_enough = in_part or _takes_of_all(now, before, result, after, share)
     return takes_enough and _holds_below(now, before, result, share)

@@ -20,14 +20,12 @@ class Score:
         unit: of the error, "1" or "rad".
         head: of a column of errors.
         meaning: a sentence.
-        negligible: error that nobody asks the cause of, as a simulation without noise may leave it.
     """
 
     of: str
     unit: str
     head: str
     meaning: str
-    negligible: float
 
     @property
     def name(self) -> str:
@@ -59,12 +57,10 @@ class Score:
 TORQUE = Score(
     "torque", "1", "torque error in % of the torque",
     "Torque that the model does not account for, as a share of the torque's rms",
-    1e-3,
 )  # fmt: skip
 POSITION = Score(
     "position", "rad", "mean absolute error of the position [mrad]",
     "Mean absolute difference of the measured position from the one simulated from the goal",
-    0.0,
 )  # fmt: skip
 SCORES = {s.of: s for s in (TORQUE, POSITION)}
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, as_logged, fit_observations, refine
+from .fit import EARLY_SHARE, HABITS, FitResult, as_logged, fit_observations, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
@@ -125,7 +125,9 @@ class Search:
 
     def first(self, report: Progress) -> None:
         result = fit_observations(self.start, self.seen, progress=report)
-        while seen := as_logged(result):
+        for _ in range(HABITS):
+            if not (seen := as_logged(result)):
+                break
             result = fit_observations(self.start, seen, progress=report)
         for e in filter(is_open, self.start.effects):
             self.start = self.start.replace(result.plant[e.name])

@@ -79,6 +79,7 @@ class ServoObservation:
     jumps = True  # as the pendulum falls to one side or the other
     sparse = None  # nothing is replayed
     score = POSITION
+    negligible = 0.0  # there is always an encoder
 
     @property
     def name(self) -> str:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 TOLD = "time_steps"  # in the provenance of a plant: `late`, and the two of `ahead`
 _DAMPING = ("viscous", "quadratic_drag")  # what simulators take at the end of a step though not friction
+_STATE_APART = 0.01  # of the torque
 _FINE = 8  # parts of a step in which the drive's torque is followed
 
 
@@ -46,6 +47,11 @@ class TimeSteps(Observation):
 
     late: int = 0
     ahead: tuple[int, int] = (0, 0)
+
+    @property
+    def negligible(self) -> float:  # type: ignore[override]
+        """As for an `Observation`; of friction that a simulation integrates only the state is followed so closely."""
+        return _STATE_APART if self.ahead[0] < 0 else super().negligible
 
     @property
     def skews_within(self) -> tuple[float, float]:

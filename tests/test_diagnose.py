@@ -21,11 +21,12 @@ from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diag
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
+from gms_mujoco.inverse import Observation
 from gms_mujoco.joint_fits import FORMS
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.score import POSITION, TORQUE
 from gms_mujoco.search import Step
+from gms_mujoco.servo_observation import ServoObservation
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 
@@ -137,12 +138,13 @@ def test_what_is_left_is_noise_where_all_of_it_hardly_exceeds_the_floor(
 ) -> None:
     result: Any = SimpleNamespace(error=0.1 * fitted, floor=0.1)
     comparison: Any = None if new is None else SimpleNamespace(error=0.2 * new, noise_floor=0.2)
-    assert _as_good(Step(None, result, comparison), TORQUE) == good
+    assert _as_good(Step(None, result, comparison), 0.0) == good
 
 
 def test_less_than_a_thousandth_is_left_alone_where_it_is_of_a_torque() -> None:
     result: Any = SimpleNamespace(error=9e-4, floor=1e-6)
-    assert _as_good(Step(None, result), TORQUE) and not _as_good(Step(None, result), POSITION)
+    assert _as_good(Step(None, result), Observation.negligible)
+    assert not _as_good(Step(None, result), ServoObservation.negligible)
 
 
 def test_one_impact_gets_no_name() -> None:

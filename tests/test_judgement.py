@@ -107,7 +107,7 @@ def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gai
     """Of two seconds of a healthy axis refits of the bare plant lost so much that cogging seemed to take a third."""
     left = {"now": 90.0, "result": 89.0}
     bare = Plant.axis(1.0)
-    now: Any = SimpleNamespace(misfit="now", vector=None, plant=bare)
+    now: Any = SimpleNamespace(misfit="now", vector=None, plant=bare, negligible=0.0)
     result: Any = SimpleNamespace(misfit="result", vector=None, plant=bare + effects.Cogging(harmonics=[6]))
     monkeypatch.setattr(judgement, "floor_of", lambda *given: floor)
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: left[misfit])

@@ -29,14 +29,14 @@ AHEAD = {"frictionloss": (1, 1), "gms": (0, 1)}
 
 
 def model(law: str, more: str = "") -> mujoco.MjModel:
-    """An axis with MuJoCo's own friction, or with ours."""
+    """An axis with MuJoCo's own friction, with ours, or bare."""
     own = 'damping="2e-5"' + (f' frictionloss="{LEVEL}"' if law == "frictionloss" else "")
     xml = (
         f'<mujoco><option timestep="{H}" gravity="0 0 0"/><worldbody><body><joint name="shaft" axis="0 0 1" {own}/>'
         f'<inertial pos="0 0 0" mass="1e-6" diaginertia="{J} {J} {J}"/></body></worldbody>'
         f'<actuator><motor joint="shaft"/>{more}</actuator></mujoco>'
     )
-    if law == "frictionloss":
+    if law != "gms":
         return mujoco.MjModel.from_xml_string(xml)
     return gms.attach(xml, {"shaft": HEALTHY.without("viscous")}, integration="explicit").compile()
 
@@ -127,6 +127,15 @@ def test_a_script_that_takes_all_at_the_beginning_of_a_step_is_followed_too() ->
     assert steps_of(found.misfit.observations) == (1, (0, 0)) and found.error < 1e-4
     assert found.plant["stribeck"].creep_velocity == pytest.approx(creep, rel=1e-3)
     assert found.plant["viscous"].coefficient == pytest.approx(drag, rel=1e-3)
+
+
+def test_a_bristle_that_mujoco_integrates_is_followed_to_a_hundredth() -> None:
+    """The state that an actuator integrates is that of the step before."""
+    bristle = f'lugre="{100 * LEVEL} {0.1 * np.sqrt(100 * LEVEL * J)} {LEVEL} {1.2 * LEVEL} 0.2"'
+    m = model("none", f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" {bristle}/>')
+    d = diagnose(logged(m, after=True))
+    assert d.verdict == "adequate" and not d.found and "lugre" in d.plant and d.steps[-1].validate_error < 0.01
+    assert d.plant["lugre"].coulomb == pytest.approx(LEVEL, rel=0.02)
 
 
 def test_steps_stay_steps() -> None:
