@@ -14,6 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from arguments import arguments
+from truth_mujoco import DCMOTOR
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -24,7 +25,6 @@ from gms_mujoco.record import Record
 FRICTIONS = ("frictionloss", "lugre", "gms")
 HIDDEN = ("", "gravity", "cogging", "spring")
 SECONDS = 6.0
-DCMOTOR = '<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" '
 
 
 def model(friction: str, hidden: str, inertia: float, level: float, step: float) -> tuple[mujoco.MjModel, float]:

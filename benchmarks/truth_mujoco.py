@@ -14,7 +14,7 @@ EFFECTS = (
     "flexible_coupling", "backlash",
 )  # fmt: skip
 # A motor that does not turn electrically: what dcmotor adds to the joint by itself.
-_DCMOTOR = '<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" '
+DCMOTOR = '<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" '
 
 # The bristle of LuGre follows the speed step by step: at FINE it is late by as much as 0.5 % of the torque.
 _FINER = 4
@@ -86,7 +86,7 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     elif axis.friction == "lugre":
         k, level = axis.stiffness, axis.level
         damping = 0.2 * math.sqrt(k * axis.inertia)
-        actuators.append(f'{_DCMOTOR} lugre="{k} {damping} {level} {1.15 * level} {0.02 * axis.fastest}"/>')
+        actuators.append(f'{DCMOTOR} lugre="{k} {damping} {level} {1.15 * level} {0.02 * axis.fastest}"/>')
     else:
         distance = axis.breakaway * np.geomspace(0.2, 3, 6)
         share = axis.rng.dirichlet(np.full(6, 4.0))
@@ -117,7 +117,7 @@ def model(axis: Axis, hidden: dict[str, Values]) -> tuple[mujoco.MjModel, int]:
     if (lag := hidden.get("current_loop_lag")) is not None:
         drive += f' dyntype="filterexact" dynprm="{lag["time"]}" actearly="true"'
     for c in (v for k, v in hidden.items() if k.startswith("cogging")):
-        actuators.append(f'{_DCMOTOR} cogging="{c["amplitude"]} {c["harmonic"]} {c["phase"]}"/>')
+        actuators.append(f'{DCMOTOR} cogging="{c["amplitude"]} {c["harmonic"]} {c["phase"]}"/>')
     if "torque_offset" in hidden:
         actuators.insert(0, '<motor name="offset" joint="shaft"/>')  # dcmotors without input have no control
     xml = f"""<mujoco><compiler angle="radian" boundmass="0" boundinertia="0"/>

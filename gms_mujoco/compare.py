@@ -15,7 +15,7 @@ from .compare_servo import ServoComparison, compare_servo
 from .compare_servo import table as servo_table
 from .coordinates import all_labels
 from .frf_observation import FrfObservation, Seen
-from .inverse import Observation, delivered
+from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
 from .noise import Noise, believable, inertia_along, noise_of, sampling_residual, sensor_residual
@@ -28,12 +28,11 @@ from .score import POSITION, TORQUE, Score, relative_error
 from .servo_observation import ServoObservation
 from .servo_residuals import ServoResiduals
 from .threads import each
-from .time_steps import TOLD, TimeSteps, as_fitted
+from .time_steps import TOLD, as_fitted
 
 Array = NDArray[np.float64]
 
 WINDOW = 0.05  # s, over which a forward simulation is judged
-_SUBSTEPS = 4  # of it per sample
 
 
 @dataclass(frozen=True)
@@ -332,8 +331,7 @@ def _compare_one(
 
 def _simulation_error(plant: Plant, o: Observation, memory: Array | None) -> float:
     r, o = o.record, o.seen_by(plant)
-    parts = 1 if isinstance(o, TimeSteps) else _SUBSTEPS
-    torque = o.delivered(plant) if isinstance(o, TimeSteps) else delivered(plant, r, parts)
+    parts, torque = o.substeps, o.driven(plant)
     joint = plant.joint()
     load, temperature = r.get("load"), r.get("temperature")
     fine_load, fine_temperature = (None if x is None else np.repeat(x, parts) for x in (load, temperature))

@@ -30,6 +30,7 @@ from .score import Score, relative_error
 from .screen import Screen
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 from .threads import one_blas_thread
+from .time_steps import as_fitted
 from .undetermined import never_slips
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
@@ -232,6 +233,7 @@ def diagnose(
     last = search.steps[-1].result
     noise = last.noise
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
+    validate = as_fitted(validate, last.plant.provenance)
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
                 evidence=_evidence(search.steps[i - 1], s) if i else law_said)

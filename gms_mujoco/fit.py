@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,7 @@ _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
-HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
+_HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
 _STEPS_SHARE = 0.5  # of the squared error above the floor, that time steps have to take
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 
@@ -59,6 +58,7 @@ class FitResult:
         misfit, vector: the least-squares problem and its solution.
         noise: of the sensors, from which the floor follows.
         floor_rows: (m,) residual that sensor noise alone leaves, one draw, over all observations [N m].
+        negligible: squared residual that is too little to have a cause [N^2 m^2].
     """
 
     plant: Plant
@@ -69,6 +69,7 @@ class FitResult:
     vector: Array
     noise: Noise
     floor_rows: Array
+    negligible: float
 
     def floor_under(self, noise: Noise, most: Array | None = None) -> Array:
         """(m,) residual that another noise than that found would leave through this plant [N m].
@@ -78,11 +79,6 @@ class FitResult:
         """
         left = self.misfit.residual(self.vector) if most is None else most
         return np.concatenate(_floor_rows(self.misfit, self.vector, left, noise))
-
-    @cached_property
-    def negligible(self) -> float:
-        """Squared residual that is too little to have a cause [N^2 m^2]."""
-        return sum(o.negligible**2 * squared(o.applied(self.plant)) for o in self.misfit.observations)
 
     @property
     def habit(self) -> str:
@@ -157,11 +153,7 @@ def fit(
     driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
-    misfit, x = _from_the_data(plant, observations, fixed, report)
-    for _ in range(HABITS):
-        if not _may_be_logged_otherwise(misfit, x) or not (seen := as_logged(_result(misfit, x), fixed)):
-            break
-        misfit, x = _from_the_data(plant, seen, fixed)
+    misfit, x = _by_its_habits(plant, observations, fixed, report)
     found = _weakened_otherwise(_finished(misfit, x), plant, fixed, report)
     report(1.0, found.status)
     return found
@@ -191,6 +183,22 @@ def fit_observations(
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
     return _result(*_from_the_data(plant, observations, fixed, progress, below))
+
+
+def fit_as_logged(plant: Plant, observations: Sequence[Seen], progress: Progress | None = None) -> FitResult:
+    """`fit_observations`, of a log that is seen by its habits; see `as_logged`."""
+    return _result(*_by_its_habits(plant, observations, (), progress))
+
+
+def _by_its_habits(
+    plant: Plant, observations: Sequence[Seen], fixed: Collection[str], progress: Progress | None
+) -> tuple[Misfit, Array]:
+    misfit, x = _from_the_data(plant, observations, fixed, progress)
+    for _ in range(_HABITS):
+        if not _may_be_logged_otherwise(misfit, x) or not (seen := as_logged(_result(misfit, x), fixed=fixed)):
+            break
+        misfit, x = _from_the_data(plant, seen, fixed)
+    return misfit, x
 
 
 def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -461,7 +469,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
         status += f". {habit}"
     if stuck := never_slips(plant, observations):
         status += f". {stuck}"
-    return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows))
+    negligible = sum(o.negligible**2 * squared(a) for o, a in zip(observations, applied, strict=True))
+    return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows), negligible)
 
 
 def with_covariance(found: FitResult) -> FitResult:

@@ -33,7 +33,7 @@ from .score import TORQUE
 Array = NDArray[np.float64]
 
 
-_FINE = 8  # parts of a sample in which the drive's torque is followed
+FINE = 8  # parts of a sample in which the drive's torque is followed
 _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are followed
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _CLEAR = 4  # times the noise, above which a spectrum is the motion's
@@ -128,6 +128,7 @@ class Observation:
     additive = True  # what an effect needs does not depend on the others
     jumps = True  # as an element slips at one sample or the next
     score = TORQUE
+    substeps = 4  # of a forward simulation in a sample
     negligible = 1e-3  # error that nobody asks the cause of, as a simulation without noise may leave it
 
     @property
@@ -357,16 +358,20 @@ class Observation:
     def _delivered(self, plant: Plant) -> Array:
         """(n,) what the drive delivered around each sample."""
         r = self.record
-        torque = delivered(plant, r, _FINE)
-        rising = (2 * np.arange(_FINE) + 1) / (2 * _FINE**2)
+        torque = delivered(plant, r, FINE)
+        rising = (2 * np.arange(FINE) + 1) / (2 * FINE**2)
         mean = r.torque.copy()
-        mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::_FINE]
+        mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::FINE]
         return mean
 
     @property
     def _mean_command(self) -> Array:
         """(n,) mean of the torque commanded, around each sample."""
         return mean_torque(self.record)
+
+    def driven(self, plant: Plant) -> Array:
+        """(substeps * n,) mean torque that the drive of a plant delivered over each part of a sample [N m]."""
+        return delivered(plant, self.record, self.substeps)
 
     @cached_property
     def _commanded(self) -> tuple[Array, Array, Array]:

@@ -299,16 +299,19 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     So is what has fewer free parameters and leaves no more of what it was fitted to, as a coupling where a play has no
     gap: the further unknowns say nothing, and where refits beside them predict better a fold has led the others astray.
     """
+
+    def left(i: int) -> float:
+        return left_of(trials[i].result.misfit, trials[i].result.vector)
+
     held_out = [t.held_out for t in trials]
     sizes = [t.result.misfit.coordinates.size for t in trials]
-    left = [left_of(t.result.misfit, t.result.vector) for t in trials]
     best = min(range(len(trials)), key=lambda i: held_out[i].total)
     equal = [
         i
         for i, h in enumerate(held_out)
         if p_value(h, held_out[best]) > _CONFUSABLE
         or h.total - held_out[best].total < LEAST_GAIN * held_out[best].total
-        or (sizes[i] < sizes[best] and left[i] <= (1 + _NO_MORE) * left[best])
+        or (sizes[i] < sizes[best] and left(i) <= (1 + _NO_MORE) * left(best))
     ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]

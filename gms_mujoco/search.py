@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, HABITS, FitResult, as_logged, fit_observations, refine
+from .fit import EARLY_SHARE, FitResult, as_logged, fit_as_logged, refine
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
 from .held_out import HeldOut, p_value
@@ -124,11 +124,7 @@ class Search:
         return at_floor(self.steps[-1].result, self.held_out)
 
     def first(self, report: Progress) -> None:
-        result = fit_observations(self.start, self.seen, progress=report)
-        for _ in range(HABITS):
-            if not (seen := as_logged(result)):
-                break
-            result = fit_observations(self.start, seen, progress=report)
+        result = fit_as_logged(self.start, self.seen, report)
         for e in filter(is_open, self.start.effects):
             self.start = self.start.replace(result.plant[e.name])
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points

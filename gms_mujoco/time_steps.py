@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from . import native
 from .frf_observation import Seen
 from .grid import Grid
-from .inverse import Observation, delivered
+from .inverse import FINE, Observation, delivered
 from .native import series
 from .plant import Plant
 
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 TOLD = "time_steps"  # in the provenance of a plant: `late`, and the two of `ahead`
 _DAMPING = ("viscous", "quadratic_drag")  # what simulators take at the end of a step though not friction
 _STATE_APART = 0.01  # of the torque
-_FINE = 8  # parts of a step in which the drive's torque is followed
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,8 @@ class TimeSteps(Observation):
 
     late: int = 0
     ahead: tuple[int, int] = (0, 0)
+
+    substeps = 1  # as it was simulated
 
     @property
     def negligible(self) -> float:  # type: ignore[override]
@@ -107,11 +108,12 @@ class TimeSteps(Observation):
             for name, kind in zip(joint.names, joint.kinds, strict=True)
         ]
 
-    def delivered(self, plant: Plant) -> Array:
-        """(n,) mean torque that the drive of a plant delivered over each step [N m]."""
-        return _moved(delivered(plant, self.record, _FINE).reshape(-1, _FINE).mean(1), self.late)
+    def driven(self, plant: Plant) -> Array:
+        """As for an `Observation`."""
+        return _moved(delivered(plant, self.record, FINE).reshape(-1, FINE).mean(1), self.late)
 
-    _delivered = delivered
+    def _delivered(self, plant: Plant) -> Array:
+        return self.driven(plant)
 
     @property
     def _mean_command(self) -> Array:
@@ -125,7 +127,9 @@ def _moved(x: Array, rows: int) -> Array:
 
 
 def in_steps(seen: Sequence[Seen], late: int, ahead: tuple[int, int]) -> list[Seen]:
-    """Observations, of which the records are time steps."""
+    """Observations, of which the records are time steps; those that are already stay as they are."""
+    if steps_of(seen) == (late, ahead):
+        return list(seen)
     return [
         TimeSteps(o.record, o.bandwidth, o._cutoff, False, late, ahead) if isinstance(o, Observation) else o
         for o in seen

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from gms_mujoco import effects
@@ -60,6 +61,18 @@ def dataset(plant: Plant, seconds: float = 3.0, select: bool = False, **bench: o
     uses = ("fit", "select", "validate") if select else ("fit", "validate")
     records = [r for i, use in enumerate(uses) for r in runs(plant, use, seconds, i, **bench)]
     return Dataset(Path(), tuple(records), plant.kind, plant.inertia)
+
+
+def in_mujoco(model: mujoco.MjModel, torque: np.ndarray, substeps: int = 1) -> np.ndarray:
+    """(n + 1,) positions of a joint whose first motor holds each of n torques for so many time steps: before each, and
+    after the last."""
+    data, position = mujoco.MjData(model), np.empty(len(torque) + 1)
+    for k, u in enumerate(torque):
+        position[k] = data.qpos[0]
+        data.ctrl[0] = u
+        mujoco.mj_step(model, data, substeps)
+    position[-1] = data.qpos[0]
+    return position
 
 
 def rms(x: np.ndarray) -> float:

@@ -1,11 +1,12 @@
 """Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
 
+import sys
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
-from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, runs
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -85,11 +86,7 @@ def by_mujoco(hidden: str) -> Dataset:
     )
 
     def again(record: Record) -> Record:
-        data, position = mujoco.MjData(model), np.empty(len(record))
-        for k, torque in enumerate(record.torque):
-            position[k] = data.qpos[0]
-            data.ctrl[0] = torque
-            mujoco.mj_step(model, data, SUBSTEPS)
+        position = in_mujoco(model, record.torque, SUBSTEPS)[:-1]
         noise = TORQUE_NOISE * np.random.default_rng(len(record.name)).standard_normal(len(record))
         signals = {"torque": record.torque + noise, "position": COUNT * np.round(position / COUNT)}
         return replace(record, signals=signals)
@@ -128,7 +125,8 @@ def test_a_habit_of_the_log_is_allowed_for_beside_the_law_that_was_taken(monkeyp
     def seen(found: FitResult, **given: float) -> list[Seen] | None:
         return as_logged(found, **given) if "lugre" in found.plant else None
 
-    monkeypatch.setattr("gms_mujoco.search.as_logged", seen)
+    for module in ("search", "fit"):
+        monkeypatch.setattr(sys.modules[f"gms_mujoco.{module}"], "as_logged", seen)
     early = 0.4
     held = [(1 - early) * r.torque + early * np.append(r.torque[:1], r.torque[:-1]) for r in runs(BRISTLE)]
     logged = [replace(r, signals={**r.signals, "torque": u}) for r, u in zip(runs(BRISTLE), held, strict=True)]

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, runs
+from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, in_mujoco, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -48,13 +48,8 @@ def logged(m: mujoco.MjModel, after: bool = False, seconds: float = 4.0, noise: 
         for i, (low, high, rms) in enumerate(REGIMES):
             rng = np.random.default_rng([i, len(use)])
             torque = multisine(round(seconds / H), H, low, high, rms * LEVEL, rng)
-            data, position = mujoco.MjData(m), np.empty((len(torque), 2))
-            for k, u in enumerate(torque):
-                position[k, 0] = data.qpos[0]
-                data.ctrl[0] = u
-                mujoco.mj_step(m, data)
-                position[k, 1] = data.qpos[0]
-            signals = {"torque": torque + noise * rng.standard_normal(len(torque)), "position": position[:, int(after)]}
+            position = in_mujoco(m, torque)[int(after) :][: len(torque)]
+            signals = {"torque": torque + noise * rng.standard_normal(len(torque)), "position": position}
             out.append(Record(f"{use}_{i}", H * np.arange(len(torque)), signals, use))
     return Dataset(Path(), tuple(out), "hinge", J)
 

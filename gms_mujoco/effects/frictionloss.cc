@@ -2,7 +2,7 @@
 
 namespace {
 
-enum { kFriction = 0, kVelocity, kAcceleration, kState };  // friction on the moving side; how the last interval ended
+enum { kVelocity = 0, kAcceleration, kState };  // how the last interval ended
 
 int n_state(int) { return kState; }
 
@@ -12,8 +12,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
   const double share = (m.velocity + p[2] * a) / p[1];
   next[kVelocity] = m.velocity;
   next[kAcceleration] = a;
-  next[kFriction] = std::fmin(std::fmax(share, -1.0), 1.0) * p[0] * level.at(share);
-  return -next[kFriction];
+  return -std::fmin(std::fmax(share, -1.0), 1.0) * p[0] * level.at(share);
 }
 
 }  // namespace

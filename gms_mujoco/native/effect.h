@@ -129,15 +129,21 @@ extern const int kCatalogueSize;
 
 inline double sign(double x) { return (x > 0) - (x < 0); }
 
-// Acceleration where an interval ends, of one that began with the velocity `before`: of the cubic through both ends; in a
-// step of semi-implicit Euler, which has jumped to its last velocity at once, and where rounding of the position leaves
-// nothing of a cubic, the mean.
+// The velocity with which a joint set out that has accelerated evenly over an interval.
+inline double set_out(const Motion& m) { return 2 * m.rate() - m.velocity; }
+
+// Whether an interval is a step of semi-implicit Euler, which jumps from the velocity `before` to its last one at once.
+inline bool jumps(const Motion& m, double before) {
+  return std::fabs(m.velocity - set_out(m)) <= 1e-3 * std::fabs(set_out(m) - before);
+}
+
+// Acceleration where an interval ends, of one that began with the velocity `before`: of the cubic through both ends; of
+// one that jumps, and where rounding of the position leaves nothing of a cubic, the mean.
 inline double acceleration(const Motion& m, double before) {
   constexpr double kRounding = 1e-14;  // of the position, with room
-  const double change = m.velocity - before, ahead = m.velocity - m.rate();
-  const bool jumps = std::fabs(ahead) <= 1e-3 * std::fabs(change);
+  const double change = m.velocity - before;
   const bool rounded = kRounding * std::fabs(m.position) > m.duration * std::fabs(change);
-  return (jumps || rounded ? change : 6 * ahead - 2 * change) / m.duration;
+  return (rounded || jumps(m, before) ? change : 6 * (m.velocity - m.rate()) - 2 * change) / m.duration;
 }
 
 #ifdef GMS_MUJOCO_KERNEL

@@ -53,9 +53,9 @@ struct Course {
   double start, acceleration;
   bool coarse;  // a time step that is long for a coupling of that rate [1/s]
   Course(const Motion& m, double before, double rate)
-      : start(2 * m.rate() - m.velocity),
+      : start(set_out(m)),
         acceleration((m.velocity - start) / m.duration),
-        coarse(rate * m.duration > 1 && std::fabs(m.velocity - start) <= 1e-3 * std::fabs(start - before)) {}
+        coarse(rate * m.duration > 1 && jumps(m, before)) {}
 };
 
 // State of a hidden body. Its velocity is absolute, so that a jump of the joint's leaves it alone.
