@@ -226,7 +226,8 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     records = [o for o in misfit.observations if isinstance(o, Observation)]
     known = steps_of(misfit.observations)
     asks = known or all(o.early for o in records) or "delay" in found.plant
-    if not records or not asks or any(o.record.sensed for o in records) or near_floor(found):
+    done = not known and near_floor(found)  # what is taken when shows in the last digits too
+    if not records or not asks or any(o.record.sensed for o in records) or done:
         return None
     left = squared(misfit.residual(x))
     enough = max(_EARNED * left, _STEPS_SHARE * (left - squared(found.floor_rows)))
@@ -241,7 +242,7 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     else:
         tried = {(late, ahead): left_in(late, ahead) for late in (0, 1) for ahead in ((0, 0), (1, 1))}
     late, _ = min(tried, key=lambda k: tried[k])
-    tried |= {(late, a): left_in(late, a) for a in ((0, 0), (1, 1), (0, 1), (-1, 1)) if (late, a) not in tried}
+    tried |= {(late, a): left_in(late, a) for a in ((0, 0), (1, 1), (0, 1), (1, 0), (-1, 1)) if (late, a) not in tried}
     best = min(tried, key=lambda k: tried[k])
     return in_steps(misfit.observations, *best) if left - tried[best] > enough else None
 

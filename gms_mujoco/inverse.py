@@ -40,6 +40,9 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
+_STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves less, and is seen to, rests
+_AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
+_MOSTLY = 0.5  # of what the low-pass sees
 _SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
 _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
@@ -115,12 +118,14 @@ class Observation:
             0: found from its spectrum.
         early: whether the torque of a row may have acted at another instant than the record says: up to a sample
             before, or of one that was read up to half a sample either way.
+        asked: (n,) 0 for samples of which nothing is asked, else 1; None: found from the record, see `at_rest`.
     """
 
     record: Record
     bandwidth: float
     cutoff: float = 0.0
     early: bool = False
+    asked: Array | None = None
 
     has_memory = True  # what went before the first sample still acts
     skews = True  # nobody says that torque and position were read on one clock
@@ -190,13 +195,49 @@ class Observation:
         return self.record.time[self.index]
 
     @cached_property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """(n,) whether the axis does not move at all until the next sample, in a log that would show it if it did.
+
+        Where it comes to rest at once its contacts do not bend, as those of most simulations, and friction is whatever
+        holds the axis. One that creeps, or swings out, tells of its friction as long as it moves.
+        """
+        moved = np.abs(np.diff(self.record.position))
+        least = _STILL * float(np.sqrt(np.mean(moved**2)))
+        still = moved <= least
+        stops = np.flatnonzero(still[1:] & ~still[:-1])
+        fall = moved[stops] / np.maximum(moved[stops + 1], least / 10)
+        rigid = still.all() or (len(fall) > 0 and np.median(fall) > _AT_ONCE)
+        return np.append(still & (rigid and count_size(self.record) <= least), False)
+
+    @cached_property
+    def _asked(self) -> Array | None:
+        if self.asked is not None:
+            return self.asked
+        if not self.at_rest.any():
+            return None
+        return np.where(self._resting, 0.0, 1.0)
+
+    @property
+    def _resting(self) -> NDArray[np.bool_]:
+        """(n,) samples around which the axis rests in part, with those around which it may, as it comes to rest, sets
+        out or turns back."""
+        turns = np.zeros(len(self.record), bool)
+        step = np.diff(self.record.position)
+        turns[1:-1] = step[1:] * step[:-1] < 0
+        wide = [0, 1, 1, 1, 1]
+        return np.asarray(ndimage.binary_dilation(self.at_rest, wide) | ndimage.binary_dilation(turns, wide[1:-1]))
+
+    @cached_property
     def determined(self) -> NDArray[np.bool_]:
-        """(m,) where all that the low-pass sees of the axis moves by more than its encoder resolves.
+        """(m,) where all that the low-pass sees of the axis moves by more than its encoder resolves, or most of it
+        where that is to the last digit.
 
         Elsewhere friction is whatever holds the axis: below one count even a perfect model cannot say how far the
         contact is bent, nor, of one that does not bend, when it let go. What is left there speaks for no model and
         against none.
         """
+        if self._asked is not None:
+            return np.asarray(self.band(np.ones(len(self.record))) > _MOSTLY)
         q, count = self.record.position, count_size(self.record)
         period = max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
         span = ndimage.maximum_filter1d(q, period + 1) - ndimage.minimum_filter1d(q, period + 1)
@@ -229,7 +270,7 @@ class Observation:
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""
         signals = {**self.record.signals, "position": position}
-        return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff)
+        return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff, asked=self._asked)
 
     @property
     def skews_within(self) -> tuple[float, float]:
@@ -270,6 +311,8 @@ class Observation:
     def band(self, x: Array) -> Array:
         """(m,) or (columns, m) band-limited values of series of samples (n,) or (n, columns)."""
         first = int(self.index[0]) - self._half
+        if self._asked is not None:
+            x = (x.T * self._asked).T
         return series.band(x, self._kernel, first, self.stride, len(self.index))
 
     @cached_property
@@ -420,7 +463,7 @@ class Observation:
             band = series.Band(grid.kernel, 1, grid.stride, len(self.index))
         else:
             first = int(self.index[0]) - self._half
-            band = series.Band(self._kernel, first, self.stride, len(self.index), grid.instants)
+            band = series.Band(self._kernel, first, self.stride, len(self.index), grid.instants, self._asked)
         known = [m for m in memories if m is not None]
         return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
 
@@ -440,7 +483,7 @@ class Observation:
     def sparse(self) -> Grid:
         """No more samples than band-limited values, if that leaves out but a few: for a look that need not be exact."""
         every = max(n for n in range(1, _MOST_SKIPPED + 2) if self.stride % n == 0)
-        if every == 1:
+        if every == 1 or self._asked is not None:
             return Grid(np.arange(len(self.record), dtype=float))
         # Torques that change faster than that are hardly in the band: the low-pass may do without those samples too.
         kernel = np.convolve(self._kernel, [1 / 6, 4 / 6, 1 / 6])[1:-1:every]

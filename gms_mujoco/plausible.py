@@ -130,7 +130,8 @@ def filled(record: Record) -> tuple[Record, int]:
         pace = max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max())
         (a, v), (b, w) = _end(before[::-1]), _end(after)
         usual = (n + 1) * (w - v) / 2
-        if abs(b - a) > pace / _JUMP and usual and _JUMP < (b - a) / usual < 1 / _JUMP:
+        leaps = min(abs(b - a), abs(q[last] - q[first - 1])) > pace / _JUMP
+        if leaps and usual and _JUMP < (b - a) / usual < 1 / _JUMP:
             q[first:last] = CubicHermiteSpline([-1, n], [a, b], [-v, w])(np.arange(n))
             held += n
     if not held or held > _OFTEN * len(q):

@@ -69,6 +69,10 @@ class TimeSteps(Observation):
         v = np.diff(self.position) / self.record.sample_time
         return np.append(v[:1], v)
 
+    @property
+    def _resting(self) -> NDArray[np.bool_]:
+        return self.at_rest  # steps that end at rest, each of which stands alone
+
     @cached_property
     def sparse(self) -> Grid:
         """All samples: a step that is left out is none."""
@@ -80,8 +84,10 @@ class TimeSteps(Observation):
     ) -> Array:  # fmt: skip
         """As for an `Observation`, but that the effects of one joint are not told apart."""
         grid = grid or self.grid(plant, memories[0])
-        first = int(self.index[0]) - self._half + max(self._rows(joints[0]), key=abs)
-        band = series.Band(self._kernel, first, self.stride, len(self.index))
+        rows = max(self._rows(joints[0]), key=abs)
+        first = int(self.index[0]) - self._half + rows
+        asked = None if self._asked is None else _moved(self._asked, -rows)
+        band = series.Band(self._kernel, first, self.stride, len(self.index), asked=asked)
         known = [m for m in memories if m is not None]
         return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
 
@@ -131,7 +137,7 @@ def in_steps(seen: Sequence[Seen], late: int, ahead: tuple[int, int]) -> list[Se
     if steps_of(seen) == (late, ahead):
         return list(seen)
     return [
-        TimeSteps(o.record, o.bandwidth, o._cutoff, False, late, ahead) if isinstance(o, Observation) else o
+        TimeSteps(o.record, o.bandwidth, o._cutoff, late=late, ahead=ahead) if isinstance(o, Observation) else o
         for o in seen
     ]
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, J, rms, run, runs
+from scipy import ndimage
 
 from gms_mujoco import effects
 from gms_mujoco.excitation import multisine
@@ -131,7 +132,7 @@ def test_drive_effects_act_on_the_command(time: float) -> None:
 def test_a_clock_that_runs_ahead_is_that_of_the_torque_that_acts() -> None:
     """Behind a lag it is a delay of what the lag has smoothed, however rough the command is."""
     u = np.random.default_rng(2).normal(0, 2e-3, 4000)
-    o = Observation(_record(u, np.zeros(4000)), BAND)
+    o = Observation(_record(u, np.linspace(0, 1, 4000)), BAND)
     lag, s = BARE + effects.find("current_loop_lag")(time=2e-3), 1e-4
     ahead, late = o.applied(lag, skew=s), o.applied(lag + effects.Delay(time=s))
     assert rms(ahead - late) < 0.02 * rms(o.applied(lag) - late)
@@ -197,3 +198,30 @@ def test_a_rest_says_nothing_of_friction_wherever_the_low_pass_sees_it(rest: int
     far = (o.index < 200 - 15) | (o.index > 200 + rest + 15)
     assert o.determined[far].all() and bool(o.determined[near].all()) is known
     assert bool(o.determined[near].any()) is known
+
+
+@pytest.mark.parametrize("digits", [None, 9])
+def test_an_axis_that_stops_to_the_last_digit_is_asked_nothing_there(digits: int | None) -> None:
+    n, rng = 2000, np.random.default_rng(0)
+    speed = np.sin(2 * np.pi * 3 * H * np.arange(n))
+    speed[np.abs(speed) < 0.4] = 0.0
+    q = H * np.cumsum(speed)
+    o = Observation(_record(rng.standard_normal(n), q if digits is None else np.round(q, digits)), BAND)
+    assert o.at_rest.mean() == pytest.approx(np.mean(speed == 0), abs=0.01)
+    inside = ndimage.binary_erosion(speed == 0, np.ones(5))
+    torque = np.where(inside, 7.0, o.record.torque)
+    again = Observation(_record(torque, o.record.position), BAND)
+    np.testing.assert_allclose(again.applied(BARE), o.applied(BARE), atol=1e-12)
+    assert o.determined.mean() == pytest.approx(np.mean(speed != 0), abs=0.05)
+
+
+def test_an_axis_that_swings_out_is_asked_about_all_of_it() -> None:
+    torque = np.zeros(4000)
+    torque[500:540] = torque[2500:2540] = 0.02
+    o = Observation(simulate(HEALTHY, torque, H, substeps=50), BAND)
+    assert np.mean(np.diff(o.record.position) == 0) > 0.1 and not o.at_rest.any()
+
+
+def test_a_slow_axis_behind_an_encoder_is_asked_about_its_friction() -> None:
+    o = Observation(runs(HEALTHY, seconds=3.0)[0], 40.0)
+    assert not o.at_rest.any() and np.any(np.diff(o.record.position) == 0)

@@ -75,6 +75,7 @@ def _joints(plant: Plant, count: int) -> list[Joint]:
 
 def _band(torque: np.ndarray, band: series.Band) -> np.ndarray:
     series_ = torque if band.instants is None else series.mean(band.instants, torque)
+    series_ = series_ if band.asked is None else series_ * band.asked
     rows = [band.first + k * band.stride for k in range(band.count)]
     return np.array([band.kernel @ series_[k : k + len(band.kernel)] for k in rows])
 
@@ -82,13 +83,15 @@ def _band(torque: np.ndarray, band: series.Band) -> np.ndarray:
 @pytest.mark.parametrize("plant", LAWS, ids=lambda p: "+".join(e.name for e in p.effects))
 @pytest.mark.parametrize("count", [2, 5, 40])
 @pytest.mark.parametrize("between", [False, True], ids=["samples", "instants"])
-def test_many_joints_change_as_each_does(plant: Plant, count: int, between: bool) -> None:
+@pytest.mark.parametrize("some", [False, True], ids=["all", "some"])
+def test_many_joints_change_as_each_does(plant: Plant, count: int, between: bool, some: bool) -> None:
     motion = t, q, v = _motion()
     instants = None
     if between:  # every sample, and some instants between them
         instants = np.sort(np.append(np.arange(len(t)), [10.25, 10.5, 400.125, 777.5])).astype(float)
         motion = tuple(np.interp(instants, np.arange(len(t)), x) for x in (t, q, v))
-    band = series.Band(np.hanning(33)[1:-1] / 16, 7, 3, 250, instants)
+    asked = np.random.default_rng(5).integers(0, 2, len(t)).astype(float) if some else None
+    band = series.Band(np.hanning(33)[1:-1] / 16, 7, 3, 250, instants, asked)
     joints = _joints(plant, count)
     memories = list(np.random.default_rng(4).uniform(-1, 1, (count, joints[0].n_memory)))
     torque = [_band(j.replay(*motion, memory=m).torque, band) for j, m in zip(joints, memories, strict=True)]

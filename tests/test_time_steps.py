@@ -124,6 +124,46 @@ def test_a_script_that_takes_all_at_the_beginning_of_a_step_is_followed_too() ->
     assert found.plant["viscous"].coefficient == pytest.approx(drag, rel=1e-3)
 
 
+def rigid(parts: int = 1, offset: float = 0.0, seconds: float = 4.0) -> Dataset:
+    """Runs of an axis with Coulomb friction that does not bend, by a script that stops it in the step in which friction
+    can: one to a row, or so many."""
+    out, drag = [], 5e-5
+    for use in ("fit", "validate"):
+        for i, (low, high, rms) in enumerate(REGIMES):
+            rng = np.random.default_rng([i, len(use)])
+            torque = multisine(round(seconds / H), H, low, high, rms * LEVEL, rng)
+            q, v, h, position = 0.0, 0.0, H / parts, np.empty(len(torque))
+            for k, u in enumerate(torque):
+                position[k] = q
+                for _ in range(parts):
+                    free = v + h * (u + offset - drag * v) / J
+                    v = free - np.clip(free, -h * LEVEL / J, h * LEVEL / J)
+                    q += h * v
+            signals = {"torque": torque, "position": position}
+            out.append(Record(f"{use}_{i}", H * np.arange(len(torque)), signals, use))
+    return Dataset(Path(), tuple(out), "hinge", J)
+
+
+def test_friction_that_does_not_bend_holds_whatever_it_has_to_and_stops_the_axis_in_a_step() -> None:
+    data = rigid()
+    seen = in_steps(observe(data.fit, J), 0, (1, 0))
+    assert all(o.at_rest.mean() > 0.01 for o in seen)
+    found = fit_observations(Plant.axis(J) + effects.Coulomb() + effects.Viscous(), seen)
+    assert found.error < 1e-9
+    assert found.plant["coulomb"].coulomb == pytest.approx(LEVEL, rel=1e-9)
+    assert found.plant["viscous"].coefficient == pytest.approx(5e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("parts", [1, 10])
+def test_what_is_hidden_behind_friction_that_does_not_bend_is_named(parts: int) -> None:
+    """Where the axis rests it says nothing; a third of the torque had been left there, and a `backlash` named."""
+    healthy = diagnose(rigid(parts=parts))
+    assert healthy.verdict == "adequate" and not healthy.found and healthy.steps[-1].validate_error < 5e-3
+    pushed = diagnose(rigid(parts=parts, offset=0.12 * LEVEL))
+    assert [s.effect for s in pushed.steps[1:]] == ["torque_offset"] and pushed.steps[-1].validate_error < 5e-3
+    assert pushed.plant["torque_offset"].torque == pytest.approx(0.12 * LEVEL, rel=0.01)
+
+
 def test_a_bristle_that_mujoco_integrates_is_followed_to_a_hundredth() -> None:
     """The state that an actuator integrates is that of the step before."""
     bristle = f'lugre="{100 * LEVEL} {0.1 * np.sqrt(100 * LEVEL * J)} {LEVEL} {1.2 * LEVEL} 0.2"'

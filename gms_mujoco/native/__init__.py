@@ -84,7 +84,7 @@ def _load() -> ctypes.CDLL:
         (
             "gms_joints_changes",
             None,
-            (pointer,) + (integer,) * 4 + (pointer,) * 7 + (integer, pointer, integer, integer, integer, pointer),
+            (pointer,) + (integer,) * 4 + (pointer,) * 8 + (integer, pointer, integer, integer, integer, pointer),
         ),
         ("gms_joint_cycle", integer, (pointer, integer, integer, integer) + (pointer,) * 4),
         ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),

@@ -74,12 +74,13 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
 // By how much the torques of `count` joints with the same effects, at most kTogether, differ from that of the first of
 // them, along one motion at n instants; `memory` is count x n_memory, or null. Of the first `apart` after it the torque of
 // each element of effect number `use` is told, then of each other the whole. What comes of it is band-limited, see
-// gms::Band, where it stands or, with `instants` in samples from the first, as its means around the samples: `changes` is
-// (apart * elements + count - 1 - apart) x m.
+// gms::Band, where it stands or, with `instants` in samples from the first, as its means around the samples, each times
+// its number in `asked`, or null: `changes` is (apart * elements + count - 1 - apart) x m.
 GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, int apart, int n, const double* time,
                                 const double* position, const double* velocity, const double* load,
-                                const double* temperature, const double* memory, const double* instants, int taps,
-                                const double* kernel, int first, int stride, int m, double* changes) {
+                                const double* temperature, const double* memory, const double* instants,
+                                const double* asked, int taps, const double* kernel, int first, int stride, int m,
+                                double* changes) {
   const Joint& here = *joints[0];
   const size_t size = here.n_state();
   std::vector<double> states(2 * count * size);
@@ -96,7 +97,7 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
   const Joint::Use* e = apart ? &here.uses()[use] : nullptr;
   const int columns = (e ? apart * e->n : 0) + count - 1 - apart;
   std::vector<double> row(columns), from(e ? e->n : 0);
-  gms::Band band(taps, kernel, first, stride, m, columns, changes);
+  gms::Band band(taps, kernel, first, stride, m, columns, changes, asked);
   gms::Means means(columns);
   const auto take = [&](const double* mean) {
     std::copy_n(mean, columns, band.row());

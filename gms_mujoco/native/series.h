@@ -48,18 +48,24 @@ inline void weigh(const double* weight, int taps, const double* x, int width, do
 }
 
 // Weighted sums of rows that come one after the other: of `taps` of them from row `first` on, and `m` times in all, each
-// `stride` rows after the one before. `out` is columns x m.
+// `stride` rows after the one before. `out` is columns x m. Each row
+// is multiplied by its number in `asked`, where that is not null.
 class Band {
  public:
-  Band(int taps, const double* kernel, int first, int stride, int m, int columns, double* out)
+  Band(int taps, const double* kernel, int first, int stride, int m, int columns, double* out,
+       const double* asked = nullptr)
       : taps_(taps), kernel_(kernel), stride_(stride), m_(m), columns_(columns),
-        width_((columns + kSide - 1) / kSide * kSide), out_(out), next_(-first),
+        width_((columns + kSide - 1) / kSide * kSide), out_(out), asked_(asked), next_(-first),
         rows_(static_cast<size_t>(taps + kRoom) * width_), sums_(width_) {}
 
   // Where the next row goes; taken in by `add`.
   double* row() { return &*place(std::max(next_, 0)); }
 
   void add() {
+    if (asked_) {
+      for (double *x = row(), *end = x + columns_; x < end; x++) *x *= *asked_;
+      asked_++;
+    }
     if (done_ < m_ && ++next_ == taps_ + kRoom) work();
   }
 
@@ -83,6 +89,7 @@ class Band {
   const double* kernel_;
   const int stride_, m_, columns_, width_;
   double* out_;
+  const double* asked_;
   int next_, done_ = 0;  // rows at hand (less than 0: rows to come before the first), sums made
   std::vector<double> rows_, sums_;
 };

@@ -25,6 +25,7 @@ class Band:
         kernel: (taps,) weights.
         first, stride, count: where the first of the values begins, the next, and how many there are.
         instants: (N,) in samples from the first: the weights are of means around the samples; None: of the torques.
+        asked: (n,) by which each sample is multiplied; None: by 1.
     """
 
     kernel: Array
@@ -32,6 +33,7 @@ class Band:
     stride: int
     count: int
     instants: Array | None = None
+    asked: Array | None = None
 
 
 def mean(instants: Array, torque: Array) -> Array:
@@ -93,7 +95,7 @@ def changes(
     here = joints[0]
     out = np.empty((apart * here.counts[effect] + len(joints) - 1 - apart if apart else len(joints) - 1, band.count))
     motion = [None if a is None else a.ctypes.data for a in (time, position, velocity, load, temperature)]
-    instants = None if band.instants is None else band.instants.ctypes.data
+    instants, asked = (None if a is None else a.ctypes.data for a in (band.instants, band.asked))
     done = 0
     for begin in range(1, len(joints), _TOGETHER - 1):
         some = [0, *range(begin, min(begin + _TOGETHER - 1, len(joints)))]
@@ -102,7 +104,7 @@ def changes(
         split = min(max(apart + 1 - begin, 0), len(some) - 1)
         library.gms_joints_changes(
             handles, len(some), effect, split, len(time), *motion, None if memory is None else memory.ctypes.data,
-            instants, len(band.kernel), band.kernel.ctypes.data, band.first, band.stride, band.count,
+            instants, asked, len(band.kernel), band.kernel.ctypes.data, band.first, band.stride, band.count,
             out[done:].ctypes.data,
         )  # fmt: skip
         done += split * here.counts[effect] + len(some) - 1 - split
