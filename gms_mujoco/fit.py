@@ -17,6 +17,7 @@ from .frf_observation import FrfObservation, Seen, without_outliers
 from .intervals import covariance
 from .inverse import Observation
 from .least_squares import agreed, approach, nudge, solve
+from .linear_model import determined
 from .misfit import Misfit
 from .noise import Noise, believable, floor_residual, noise_of
 from .observe import Data, driven, observe
@@ -30,7 +31,7 @@ from .servo_observation import ServoObservation, errors_of
 from .starts import other_weakenings
 from .tall import squared
 from .threads import one_blas_thread
-from .time_steps import TOLD, TimeSteps, in_steps, steps_of
+from .time_steps import RESTS, TOLD, TimeSteps, in_steps, steps_of, without_rests
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
@@ -42,6 +43,7 @@ _LAST_STEPS = 10  # of each solve at the end
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
 _STEPS_SHARE = 0.5  # of the squared error above the floor, that time steps have to take
+_RESTS_SHARE, _SHARPER = 0.5, 0.5  # of the squared error, that rests have to hold; times the error, left without them
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 
 
@@ -82,7 +84,7 @@ class FitResult:
 
     @property
     def habit(self) -> str:
-        """A sentence on how the records were logged, where that was allowed for; else ""."""
+        """Sentences on how the records were logged, where that was allowed for; else ""."""
         return _habit(self.misfit, self.vector)
 
     @property
@@ -209,12 +211,34 @@ def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARL
         fixed: parameters that stay, as "effect.parameter".
         share: of the squared error above the noise floor, that torques before their rows have to take.
     """
-    return acting_early(found, fixed, share) or _as_time_steps(found, fixed)
+    return _without_rests(found, fixed) or acting_early(found, fixed, share) or _as_time_steps(found, fixed)
 
 
 def _may_be_logged_otherwise(misfit: Misfit, x: Array) -> bool:
     asks = any(isinstance(o, Observation) and (o.early or isinstance(o, TimeSteps)) for o in misfit.observations)
-    return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x))
+    return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x)) or _rests_press(misfit, x)
+
+
+def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
+    """The observations, of which nothing is asked where the axis rests within a count of its encoder.
+
+    Where most of what is left is left there, friction bends too little to be seen, and holds by whatever it has to.
+    """
+    misfit, x = found.misfit, found.vector
+    if not _rests_press(misfit, x):
+        return None
+    trial = Misfit(found.plant, without_rests(misfit.observations), fixed)
+    again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
+    return list(trial.observations) if again.error < _SHARPER * found.error else None
+
+
+def _rests_press(misfit: Misfit, x: Array) -> bool:
+    """Whether most of what is left is left where an axis rests within a count of its encoder."""
+    records = [o for o in misfit.observations if isinstance(o, Observation)]
+    if not any(o.without_rests() is not o for o in records):
+        return False
+    rows = misfit.residual(x)
+    return float(np.sum(rows[~determined(misfit)] ** 2)) > _RESTS_SHARE * squared(rows)
 
 
 def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
@@ -290,6 +314,16 @@ def _pressing(misfit: Misfit, x: Array) -> int:
 
 
 def _habit(misfit: Misfit, x: Array) -> str:
+    """What was allowed for in how the records were logged, in sentences; "" where that was nothing."""
+    rests = [float(np.mean(o.resting)) for o in misfit.observations if isinstance(o, Observation)]
+    said = [said for said in [_clock(misfit, x)] if said]
+    if any(rests):
+        share = f"{100 * float(np.mean(rests)):.2g} % of the samples"
+        said.append(f"Where the axis rests, in {share}, friction is whatever holds it: nothing is asked there")
+    return ". ".join(said)
+
+
+def _clock(misfit: Misfit, x: Array) -> str:
     """A sentence on torques that acted at another instant than their rows say; "" where they did not."""
     sample = min((o.sample_time for o in misfit.observations if isinstance(o, Observation)), default=0.0)
     skew = misfit.skew(x)
@@ -456,6 +490,8 @@ def _result(misfit: Misfit, x: Array) -> FitResult:
     }
     if steps := steps_of(observations):
         provenance[TOLD] = [steps[0], *steps[1]]
+    if any(isinstance(o, Observation) and o.asked is not None for o in observations):
+        provenance[RESTS] = True
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)

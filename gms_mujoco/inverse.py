@@ -215,17 +215,21 @@ class Observation:
             return self.asked
         if not self.at_rest.any():
             return None
-        return np.where(self._resting, 0.0, 1.0)
+        return np.where(self._beside(self.at_rest), 0.0, 1.0)
 
     @property
-    def _resting(self) -> NDArray[np.bool_]:
+    def resting(self) -> NDArray[np.bool_]:
+        """(n,) samples of which nothing is asked."""
+        return np.zeros(len(self.record), bool) if self._asked is None else self._asked == 0
+
+    def _beside(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(n,) samples around which the axis rests in part, with those around which it may, as it comes to rest, sets
-        out or turns back."""
+        out or turns back, given the samples (n,) until the next of which it is still."""
         turns = np.zeros(len(self.record), bool)
         step = np.diff(self.record.position)
         turns[1:-1] = step[1:] * step[:-1] < 0
         wide = [0, 1, 1, 1, 1]
-        return np.asarray(ndimage.binary_dilation(self.at_rest, wide) | ndimage.binary_dilation(turns, wide[1:-1]))
+        return np.asarray(ndimage.binary_dilation(still, wide) | ndimage.binary_dilation(turns, wide[1:-1]))
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
@@ -238,10 +242,27 @@ class Observation:
         """
         if self._asked is not None:
             return np.asarray(self.band(np.ones(len(self.record))) > _MOSTLY)
+        return np.asarray(~ndimage.maximum_filter1d(self._stuck, 2 * self._period + 1)[self.index])
+
+    @property
+    def _period(self) -> int:
+        """Samples in a period of the highest frequency that the low-pass lets through."""
+        return max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
+
+    @cached_property
+    def _stuck(self) -> NDArray[np.bool_]:
+        """(n,) where the axis moves by no more than its encoder resolves for as long as that."""
+        q, long = self.record.position, self._period + 1
+        span = ndimage.maximum_filter1d(q, long) - ndimage.minimum_filter1d(q, long)
+        return np.asarray(span <= _STUCK * count_size(self.record))
+
+    def without_rests(self) -> Observation:
+        """The same observation, of which nothing is asked where the axis rests within what its encoder resolves."""
+        if self._asked is not None or not self._stuck.any():
+            return self
         q, count = self.record.position, count_size(self.record)
-        period = max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
-        span = ndimage.maximum_filter1d(q, period + 1) - ndimage.minimum_filter1d(q, period + 1)
-        return np.asarray(ndimage.minimum_filter1d(span > _STUCK * count, 2 * period + 1)[self.index])
+        still = np.append(np.abs(np.diff(q)) < _STUCK * count, False)
+        return replace(self, cutoff=self._cutoff, asked=np.where(self._beside(still), 0.0, 1.0))
 
     @cached_property
     def slides(self) -> NDArray[np.bool_]:
@@ -260,7 +281,8 @@ class Observation:
         if n >= len(self.record):
             return self
         if n not in self._openings:
-            self._openings[n] = replace(self, record=self.record.slice(0, n), cutoff=self._cutoff)
+            asked = None if self.asked is None else self.asked[:n]
+            self._openings[n] = replace(self, record=self.record.slice(0, n), cutoff=self._cutoff, asked=asked)
         return self._openings[n]
 
     @cached_property

@@ -29,6 +29,7 @@ from .plant import Plant
 Array = NDArray[np.float64]
 
 TOLD = "time_steps"  # in the provenance of a plant: `late`, and the two of `ahead`
+RESTS = "rests_unasked"  # whether nothing was asked where the axis rests within what its encoder resolves
 _DAMPING = ("viscous", "quadratic_drag")  # what simulators take at the end of a step though not friction
 _STATE_APART = 0.01  # of the torque
 
@@ -69,9 +70,8 @@ class TimeSteps(Observation):
         v = np.diff(self.position) / self.record.sample_time
         return np.append(v[:1], v)
 
-    @property
-    def _resting(self) -> NDArray[np.bool_]:
-        return self.at_rest  # steps that end at rest, each of which stands alone
+    def _beside(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return still  # steps that end at rest, each of which stands alone
 
     @cached_property
     def sparse(self) -> Grid:
@@ -137,13 +137,22 @@ def in_steps(seen: Sequence[Seen], late: int, ahead: tuple[int, int]) -> list[Se
     if steps_of(seen) == (late, ahead):
         return list(seen)
     return [
-        TimeSteps(o.record, o.bandwidth, o._cutoff, late=late, ahead=ahead) if isinstance(o, Observation) else o
+        TimeSteps(o.record, o.bandwidth, o._cutoff, asked=o.asked, late=late, ahead=ahead)
+        if isinstance(o, Observation)
+        else o
         for o in seen
     ]
 
 
+def without_rests(seen: Sequence[Seen]) -> list[Seen]:
+    """Observations, of which nothing is asked where an axis rests."""
+    return [o.without_rests() if isinstance(o, Observation) else o for o in seen]
+
+
 def as_fitted(seen: Sequence[Seen], provenance: Mapping[str, Any]) -> list[Seen]:
     """Observations as those that a plant was fitted to, by its provenance."""
+    if provenance.get(RESTS):
+        seen = without_rests(seen)
     if TOLD not in provenance:
         return list(seen)
     late, friction, damping = map(int, provenance[TOLD])

@@ -18,7 +18,7 @@ from gms_mujoco.fit import as_logged, fit, fit_observations
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.time_steps import TOLD, as_fitted, in_steps, steps_of
+from gms_mujoco.time_steps import RESTS, TOLD, as_fitted, in_steps, steps_of
 
 H = 2e-3  # s, of MuJoCo by default
 COGS = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
@@ -124,9 +124,9 @@ def test_a_script_that_takes_all_at_the_beginning_of_a_step_is_followed_too() ->
     assert found.plant["viscous"].coefficient == pytest.approx(drag, rel=1e-3)
 
 
-def rigid(parts: int = 1, offset: float = 0.0, seconds: float = 4.0) -> Dataset:
+def rigid(parts: int = 1, offset: float = 0.0, count: float = 0.0, seconds: float = 4.0) -> Dataset:
     """Runs of an axis with Coulomb friction that does not bend, by a script that stops it in the step in which friction
-    can: one to a row, or so many."""
+    can: one to a row, or so many; read by an encoder, where that has counts."""
     out, drag = [], 5e-5
     for use in ("fit", "validate"):
         for i, (low, high, rms) in enumerate(REGIMES):
@@ -139,8 +139,9 @@ def rigid(parts: int = 1, offset: float = 0.0, seconds: float = 4.0) -> Dataset:
                     free = v + h * (u + offset - drag * v) / J
                     v = free - np.clip(free, -h * LEVEL / J, h * LEVEL / J)
                     q += h * v
-            signals = {"torque": torque, "position": position}
-            out.append(Record(f"{use}_{i}", H * np.arange(len(torque)), signals, use))
+            read = count * np.round(position / count) if count else position
+            signals = {"torque": torque, "position": read}
+            out.append(Record(f"{use}_{i}", H * np.arange(len(torque)), signals, use, count or None))
     return Dataset(Path(), tuple(out), "hinge", J)
 
 
@@ -162,6 +163,24 @@ def test_what_is_hidden_behind_friction_that_does_not_bend_is_named(parts: int) 
     pushed = diagnose(rigid(parts=parts, offset=0.12 * LEVEL))
     assert [s.effect for s in pushed.steps[1:]] == ["torque_offset"] and pushed.steps[-1].validate_error < 5e-3
     assert pushed.plant["torque_offset"].torque == pytest.approx(0.12 * LEVEL, rel=0.01)
+
+
+@pytest.mark.parametrize("parts", [1, 10])
+def test_an_encoder_does_not_hide_what_friction_that_does_not_bend_does(parts: int, tmp_path: Path) -> None:
+    """Within a count nobody knows by how much it bends: a quarter of the torque was left there, and taken for noise."""
+    data = rigid(parts, 0.12 * LEVEL, 2 * np.pi / 2**18)
+    d = diagnose(data)
+    assert d.verdict == "explained" and [s.effect for s in d.steps[1:]] == ["torque_offset"]
+    assert d.steps[-1].validate_error < 0.02 and "nothing is asked there" in str(d)
+    assert d.plant["torque_offset"].torque == pytest.approx(0.12 * LEVEL, rel=0.02)
+    d.plant.save(tmp_path / "axis.toml")
+    again = compare(gms.Plant.load(tmp_path / "axis.toml"), data.validate)
+    assert again.error == pytest.approx(d.steps[-1].validate_error, rel=0.01)
+
+
+def test_what_bends_within_a_few_counts_is_asked_about() -> None:
+    found = fit(HEALTHY, runs(HEALTHY, resolution=2 * np.pi / 2**14))
+    assert RESTS not in found.plant.provenance
 
 
 def test_a_bristle_that_mujoco_integrates_is_followed_to_a_hundredth() -> None:
