@@ -24,6 +24,7 @@ from .misfit import Misfit
 from .observe import observe
 from .plant import Plant
 from .record import Record
+from .time_steps import as_fitted
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def refit(plant: Plant, records: Sequence[Record], bandwidth: float) -> FitResul
         records: SI units.
         bandwidth: [Hz].
     """
-    misfit = Misfit(plant, observe(records, plant.inertia, bandwidth))
+    misfit = Misfit(plant, as_fitted(observe(records, plant.inertia, bandwidth), plant.provenance))
     return finished(refine(misfit, nudge(misfit, misfit.vector(plant))))
 
 

@@ -26,6 +26,7 @@ from .starts import LAWS
 Array = NDArray[np.float64]
 
 _NOTHING = 1e-6  # of the strongest harmonic
+_ROUND = 0.95  # of the revolution: visited as good as whole
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _END = 0.99  # of the most that a strength may be
@@ -187,8 +188,8 @@ def _grid(
     if p.unit == WAVES:
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset.
-        turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= 1]
+        turn = _visited(observations)
+        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn > _ROUND]
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
@@ -210,6 +211,13 @@ def _grid(
     if p.unit == "N m/rad":  # of a contact: it slips after a small part of the motion
         return scales.torque / (span * np.array([1e-4, 1e-3, 1e-2]))
     return scales[p.unit] * np.array([0.1, 1.0, 10.0])
+
+
+def _visited(observations: Sequence[Seen]) -> float:
+    """Share of the revolution that the records have been at."""
+    bins = 8 * ORDERS
+    been = [np.unique(np.floor(o.position * (bins / (2 * math.pi))).astype(int) % bins) for o in observations]
+    return len(np.unique(np.concatenate(been))) / bins
 
 
 def _count(o: Seen) -> float:

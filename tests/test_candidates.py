@@ -10,6 +10,7 @@ from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 from gms_mujoco import effects
 from gms_mujoco.candidates import applicable, is_possible, is_present, joined, lean, shapes
 from gms_mujoco.fit import fit, observe
+from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
 from gms_mujoco.scales import Scales
 
@@ -39,6 +40,18 @@ def test_harmonics_are_tried_only_where_the_motion_passes_them() -> None:
     turn = float(np.ptp(small[0].position)) / (2 * math.pi)
     few = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(small), small)]
     assert all(n * turn >= 1 for n in few) and len(few) < len(tried)
+
+
+def test_records_of_other_parts_of_the_revolution_show_longer_waves_together() -> None:
+    """Of a wave that no record holds whole its neighbours were named, three of them, with a spring and gravity."""
+    record = fit(UNKNOWN, runs(HEALTHY)[2:], bandwidth=60.0).misfit.observations[0].record
+    parts = []
+    for start in (0.0, 1.0, 9 * math.pi - 1.0):  # 0 to 2.15 rad, and 2.14 to 3.29 of the fifth turn
+        q = start + 1.15 * (record.position - record.position.min()) / np.ptp(record.position)
+        parts.append(Observation(replace(record, signals={**record.signals, "position": q}), 60.0))
+    apart = [next(shapes(effects.Cogging, Scales.of([p]), [p]))["harmonics"] for p in parts]
+    together = [s["harmonics"] for s in shapes(effects.Cogging, Scales.of(parts), parts)]
+    assert apart == [6, 6, 6] and together[0] == 2
 
 
 def test_an_effect_whose_strength_vanished_is_not_present() -> None:
