@@ -1,10 +1,10 @@
 """What the diagnosis makes of logs of friction that does not bend: as most scripts have it, and stiff machines.
 
-Random axes with Coulomb friction that stops the axis in the step in which it can, by semi-implicit Euler in NumPy's
-numbers; one step to a row or ten; with positions to the last digit, or behind encoders of 16 to 20 bits with a torque
+Random axes with Coulomb friction that stops the axis in the step in which it can, by semi-implicit Euler in plain
+Python; one step to a row or ten; with positions to the last digit, or behind encoders of 16 to 20 bits with a torque
 reading that hisses by 0.2 to 1 % of the friction. Nothing is hidden, or an effect of 12 % of the friction, a delay of
-three rows or a drive that saturates at twice the friction. The level of friction that differs between the directions is
-the same torque as an offset while the axis moves: either name is right.
+three rows or a drive that saturates at twice the friction. A level that differs between the directions is the same
+torque as an offset while the axis moves: a name that is said to be confusable with the hidden one is right.
 
 Seeds: axis i comes from default_rng([78, i]). Run: python benchmarks/rigid_friction.py [axes]
 """
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from arguments import arguments
+from simulated_logs import course, errors
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import Dataset
@@ -71,12 +72,10 @@ def logged(axis: Axis, parts: int, count: float, hiss: float, rng: np.random.Gen
     for use, (i, (highest, size)) in itertools.product(
         ("fit", "validate"), enumerate(((40.0, 0.6), (20.0, 1.5), (0.8, 0.0)))
     ):
-        frequency, phase = rng.uniform(0.1, highest, 25)[:, None], rng.uniform(0, 2 * np.pi, 25)[:, None]
-        course = np.sin(2 * np.pi * frequency * t + phase).sum(0)
-        course *= (size * axis.level if size else 2.0) / np.std(course)
+        wave = course(t, 25, highest, size * axis.level if size else 2.0, rng)
         position, torque = np.empty(len(t)), np.empty(len(t))
         axis.position = axis.velocity = wrong = 0.0
-        for k, x in enumerate(course.tolist()):
+        for k, x in enumerate(wave.tolist()):
             read = count * round(axis.position / count) if count else axis.position
             u = x
             if not size:
@@ -107,12 +106,10 @@ def main(axes: int) -> None:
         d = gms.diagnose(Dataset(Path(), tuple(runs), "hinge", inertia))
         named = [{step.effect, *step.confusable_with} for step in d.steps[1:]]
         right += len(named) == bool(hidden) and all(hidden in names for names in named)
-        errors = (d.steps[0].validate_error, d.steps[-1].validate_error, d.noise_floor)
-        shown = "  ".join(f"{100 * (e or 0.0):7.4f}" for e in errors)
         said = ", ".join(" or ".join(sorted(names)) for names in named) or "-"
         print(
-            f"{hidden or '-':17}  {1e3 * row:3.1f} ms  {parts:4}  {bits or '-':>4}  {d.verdict:17}  {shown}   {said}   "
-            f"{time.process_time() - begun:.0f} s",
+            f"{hidden or '-':17}  {1e3 * row:3.1f} ms  {parts:4}  {bits or '-':>4}  {d.verdict:17}  "
+            f"{errors(d)}   {said}   {time.process_time() - begun:.0f} s",
             flush=True,
         )
     print(f"named what is hidden, and nothing else: {right} of {axes}")

@@ -14,6 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from arguments import arguments
+from simulated_logs import course, errors
 from truth_mujoco import DCMOTOR
 
 import gms_mujoco as gms
@@ -61,12 +62,10 @@ def logged(m: mujoco.MjModel, inertia: float, level: float, rng: np.random.Gener
     for use, (i, (highest, size)) in itertools.product(
         ("fit", "validate"), enumerate(((30.0, 0.6), (15.0, 1.4), (0.9, 0.0)))
     ):
-        frequency, phase = rng.uniform(0.1, highest, 20)[:, None], rng.uniform(0, 2 * np.pi, 20)[:, None]
-        course = np.sin(2 * np.pi * frequency * t + phase).sum(0)
-        course *= (size * level if size else 2.0) / np.std(course)
+        wave = course(t, 20, highest, size * level if size else 2.0, rng)
         data, position, torque = mujoco.MjData(m), np.empty(len(t)), np.empty(len(t))
         stiffness, damping = inertia * 40.0**2, inertia * 60.0
-        for k, x in enumerate(course):
+        for k, x in enumerate(wave):
             data.ctrl[0] = x if size else stiffness * (x - data.qpos[0]) - damping * data.qvel[0]
             mujoco.mj_step(m, data)
             position[k], torque[k] = data.qpos[0], data.actuator_force[0]
@@ -87,10 +86,8 @@ def main(axes: int) -> None:
         d = gms.diagnose(Dataset(Path(), tuple(logged(m, whole, level, rng)), "hinge", whole))
         named = [e.name for e in d]
         right += named == [hidden] * bool(hidden)
-        errors = (d.steps[0].validate_error, d.steps[-1].validate_error, d.noise_floor)
-        shown = "  ".join(f"{100 * (e or 0.0):7.4f}" for e in errors)
         said = f"{', '.join(named) or '-'}   {time.process_time() - begun:.0f} s"
-        print(f"{friction:14} {hidden or '-':9} {1e3 * step:.0f} ms   {d.verdict:17}  {shown}   {said}", flush=True)
+        print(f"{friction:14} {hidden or '-':9} {1e3 * step:.0f} ms   {d.verdict:17}  {errors(d)}   {said}", flush=True)
     print(f"named what is hidden, and nothing else: {right} of {axes}")
 
 

@@ -188,11 +188,9 @@ def _grid(
     if p.unit == WAVES:
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset; friction that no record passes through once, from that of a load that varies.
-        if effect.modulates:
-            turn = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-            return [n for n in range(1, ORDERS + 1) if n * turn >= 1]
-        turn = _visited(observations)
-        return [n for n in range(2, ORDERS + 1) if n * turn > _ROUND]
+        longest = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
+        turn = longest if effect.modulates else _visited(observations) / _ROUND
+        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= 1]
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.

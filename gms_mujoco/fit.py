@@ -219,6 +219,12 @@ def _may_be_logged_otherwise(misfit: Misfit, x: Array) -> bool:
     return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x)) or _rests_press(misfit, x)
 
 
+def _seen_as(seen: Sequence[Seen], found: FitResult, fixed: Collection[str]) -> FitResult:
+    """A fit refined to its records as they are seen otherwise."""
+    trial = Misfit(found.plant, seen, fixed)
+    return refine(trial, trial.vector(found.plant, found.misfit.memories(found.vector, trial.n_memory)))
+
+
 def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
     """The observations, of which nothing is asked where the axis rests within a count of its encoder.
 
@@ -227,15 +233,13 @@ def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     misfit, x = found.misfit, found.vector
     if not _rests_press(misfit, x):
         return None
-    trial = Misfit(found.plant, without_rests(misfit.observations), fixed)
-    again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
-    return list(trial.observations) if again.error < _SHARPER * found.error else None
+    seen = without_rests(misfit.observations)
+    return seen if _seen_as(seen, found, fixed).error < _SHARPER * found.error else None
 
 
 def _rests_press(misfit: Misfit, x: Array) -> bool:
     """Whether most of what is left is left where an axis rests within a count of its encoder."""
-    records = [o for o in misfit.observations if isinstance(o, Observation)]
-    if not any(o.without_rests() is not o for o in records):
+    if not any(isinstance(o, Observation) and o.rests for o in misfit.observations):
         return False
     rows = misfit.residual(x)
     return float(np.sum(rows[~determined(misfit)] ** 2)) > _RESTS_SHARE * squared(rows)
@@ -257,8 +261,7 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     enough = max(_EARNED * left, _STEPS_SHARE * (left - squared(found.floor_rows)))
 
     def left_in(late: int, ahead: tuple[int, int]) -> float:
-        trial = Misfit(found.plant, in_steps(misfit.observations, late, ahead), fixed)
-        again = refine(trial, trial.vector(found.plant, misfit.memories(x, trial.n_memory)))
+        again = _seen_as(in_steps(misfit.observations, late, ahead), found, fixed)
         return again.misfit.cost(again.vector)
 
     if known:  # found while the fit was still far off
@@ -316,11 +319,11 @@ def _pressing(misfit: Misfit, x: Array) -> int:
 def _habit(misfit: Misfit, x: Array) -> str:
     """What was allowed for in how the records were logged, in sentences; "" where that was nothing."""
     rests = [float(np.mean(o.resting)) for o in misfit.observations if isinstance(o, Observation)]
-    said = [said for said in [_clock(misfit, x)] if said]
+    said = [_clock(misfit, x)]
     if any(rests):
         share = f"{100 * float(np.mean(rests)):.2g} % of the samples"
         said.append(f"Where the axis rests, in {share}, friction is whatever holds it: nothing is asked there")
-    return ". ".join(said)
+    return ". ".join(filter(None, said))
 
 
 def _clock(misfit: Misfit, x: Array) -> str:

@@ -195,6 +195,10 @@ class Observation:
         return self.record.time[self.index]
 
     @cached_property
+    def _count(self) -> float:
+        return count_size(self.record)
+
+    @cached_property
     def at_rest(self) -> NDArray[np.bool_]:
         """(n,) whether the axis does not move at all until the next sample, in a log that would show it if it did.
 
@@ -207,7 +211,7 @@ class Observation:
         stops = np.flatnonzero(still[1:] & ~still[:-1])
         fall = moved[stops] / np.maximum(moved[stops + 1], least / 10)
         rigid = still.all() or (len(fall) > 0 and np.median(fall) > _AT_ONCE)
-        return np.append(still & (rigid and count_size(self.record) <= least), False)
+        return np.append(still & (rigid and self._count <= least), False)
 
     @cached_property
     def _asked(self) -> Array | None:
@@ -228,8 +232,10 @@ class Observation:
         turns = np.zeros(len(self.record), bool)
         step = np.diff(self.record.position)
         turns[1:-1] = step[1:] * step[:-1] < 0
-        wide = [0, 1, 1, 1, 1]
-        return np.asarray(ndimage.binary_dilation(still, wide) | ndimage.binary_dilation(turns, wide[1:-1]))
+        return np.asarray(
+            ndimage.binary_dilation(still, [0, 1, 1, 1, 1])  # from one before a still interval to one after it
+            | ndimage.binary_dilation(turns, [1, 1, 1])
+        )
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
@@ -254,14 +260,18 @@ class Observation:
         """(n,) where the axis moves by no more than its encoder resolves for as long as that."""
         q, long = self.record.position, self._period + 1
         span = ndimage.maximum_filter1d(q, long) - ndimage.minimum_filter1d(q, long)
-        return np.asarray(span <= _STUCK * count_size(self.record))
+        return np.asarray(span <= _STUCK * self._count)
+
+    @property
+    def rests(self) -> bool:
+        """Whether the axis rests within what its encoder resolves, and is asked about it."""
+        return self._asked is None and bool(self._stuck.any())
 
     def without_rests(self) -> Observation:
         """The same observation, of which nothing is asked where the axis rests within what its encoder resolves."""
-        if self._asked is not None or not self._stuck.any():
+        if not self.rests:
             return self
-        q, count = self.record.position, count_size(self.record)
-        still = np.append(np.abs(np.diff(q)) < _STUCK * count, False)
+        still = np.append(np.abs(np.diff(self.record.position)) < _STUCK * self._count, False)
         return replace(self, cutoff=self._cutoff, asked=np.where(self._beside(still), 0.0, 1.0))
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -300,6 +301,7 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     gap: the further unknowns say nothing, and where refits beside them predict better a fold has led the others astray.
     """
 
+    @functools.cache
     def left(i: int) -> float:
         return left_of(trials[i].result.misfit, trials[i].result.vector)
 

@@ -48,8 +48,8 @@ inline void weigh(const double* weight, int taps, const double* x, int width, do
 }
 
 // Weighted sums of rows that come one after the other: of `taps` of them from row `first` on, and `m` times in all, each
-// `stride` rows after the one before. `out` is columns x m. Each row
-// is multiplied by its number in `asked`, where that is not null.
+// `stride` rows after the one before. `out` is columns x m. Each row is multiplied by its
+// number in `asked`, where that is not null.
 class Band {
  public:
   Band(int taps, const double* kernel, int first, int stride, int m, int columns, double* out,
