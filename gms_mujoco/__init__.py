@@ -26,7 +26,8 @@ from .engine import attach, friction, install_callback, remove_callback
 from .errors import DataError, EngineError, GmsError, ModelError
 from .excitation import Excitation
 from .files import MODELS
-from .fit import FitResult, baseline, fit
+from .fit import baseline, fit
+from .fit_result import FitResult
 from .frf import FRF, estimate_frf
 from .hensen import LuGreReading, identify_lugre
 from .parameter import Parameter

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from .coordinates import Coordinates
 from .errors import DataError
-from .fit import FitResult, finished, refine
+from .fit_result import FitResult
 from .least_squares import nudge
 from .misfit import Misfit
 from .observe import observe
 from .plant import Plant
 from .record import Record
+from .refine import finished, refine
 from .time_steps import as_fitted
 
 Array = NDArray[np.float64]

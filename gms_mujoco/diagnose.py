@@ -15,7 +15,8 @@ from .custom import Shape, column, name_of
 from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
-from .fit import baseline, finished, with_covariance
+from .fit import baseline
+from .fit_result import with_covariance
 from .frf_observation import FrfObservation, Seen
 from .friction_law import FrictionLaw, choices, much_better, with_law, would_be_better
 from .held_out import p_value
@@ -25,6 +26,7 @@ from .observe import driven, observe
 from .plant import Plant
 from .progress import Progress
 from .recheck import drop_false, drop_late, exchange
+from .refine import finished
 from .remainder import describe, loudest
 from .score import Score, relative_error
 from .screen import Screen

@@ -9,11 +9,13 @@ import numpy as np
 from . import effects
 from .effect import Effect
 from .errors import ModelError
-from .fit import FitResult, finished, fit_observations
+from .fit import fit_observations
+from .fit_result import FitResult
 from .linear_model import cross_validated
 from .observe import Data, driven, observe
 from .plant import Plant
 from .progress import Progress
+from .refine import finished
 
 COUNTS = (1, 2, 3, 4, 6, 8)
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 from . import effects
 from .effect import Effect
-from .fit import FitResult, fit_observations
+from .fit import fit_observations
+from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, left_of, takes
 from .linear_model import cross_validated

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from .candidates import lean
-from .fit import FitResult, fit_to_end, refine
+from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, least_fall, left_of, takes
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .placement import parted
+from .refine import fit_to_end, refine
 from .scales import Scales
 from .starts import weakened
 

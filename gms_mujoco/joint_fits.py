@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from . import effects
 from .candidates import joined
 from .effect import Effect
-from .fit import FitResult, fit_observations, fit_to_end, near_floor
+from .fit import fit_observations
+from .fit_result import FitResult
 from .frf_observation import Seen
 from .judgement import AT_FLOOR, CLOSE, FINALISTS, NEARLY, floor_of, left_of
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
+from .refine import fit_to_end
 from .rough import begun, best_start, fewer
 from .screen import Candidate
 from .servo_observation import ServoObservation
@@ -153,7 +155,7 @@ class JointFits:
         if left_of(near, x) <= AT_FLOOR**2 * floor_of(now):
             return self.best(self.to_end(near, x))
         afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
-        if near_floor(afresh):
+        if afresh.is_near_floor:
             return afresh
         return min(self.to_end(near, x, afresh.misfit.cost(afresh.vector)), afresh, key=attrgetter("error"))
 

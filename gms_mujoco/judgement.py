@@ -15,7 +15,7 @@ from scipy import linalg
 
 from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
-from .fit import FitResult
+from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .linear_model import LinearModel, determined

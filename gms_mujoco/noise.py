@@ -272,9 +272,14 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
     strayed = motion.position[::_PARTS] - seen.position
     if not np.isfinite(strayed).all():
         return observation.position
-    # Further from the readings than a count for long, it is no motion that the encoder would have read like this.
-    usual = np.sqrt(ndimage.uniform_filter1d(strayed**2, _LONG, mode="nearest"))
-    return observation.position + strayed * np.minimum(noise.resolution / np.maximum(usual, 1e-300), 1.0)
+    return observation.position + _within(strayed, noise.resolution)
+
+
+def _within(strayed: Array, most: float) -> Array:
+    """(n,) what strays further than `most` for long, scaled down to it: the encoder would not have read that."""
+    # A running mean that was large may round to less than nothing.
+    usual = np.sqrt(ndimage.uniform_filter1d(strayed**2, _LONG, mode="nearest").clip(0))
+    return np.asarray(strayed * np.minimum(most / np.maximum(usual, 1e-300), 1.0))
 
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .fit import FitResult, refine
+from .fit_result import FitResult
 from .held_out import HeldOut, p_value, scatter
 from .joint_fits import forms
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
+from .refine import refine
 from .screen import Screen
 from .search import Search, Step
 

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from .candidates import applicable, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import EARLY_SHARE, FitResult, as_logged, fit_as_logged, refine
+from .fit import fit_as_logged
+from .fit_result import FitResult
 from .frf_observation import Seen
 from .friction_shape import following, more_elements, other_curve, without_idle
+from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
 from .joint_fits import JointFits, Rough, forms
@@ -48,6 +50,7 @@ from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress
 from .reading import TorqueReading, rung
+from .refine import refine
 from .screen import Candidate, Screen
 
 Array = NDArray[np.float64]

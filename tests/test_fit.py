@@ -12,7 +12,8 @@ from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
-from gms_mujoco.fit import FitResult, baseline, finished, fit, refine
+from gms_mujoco.fit import baseline, fit
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
 from gms_mujoco.least_squares import approach, nudge, solve
@@ -20,6 +21,7 @@ from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.refine import finished, refine
 from gms_mujoco.score import relative_error
 from gms_mujoco.simulate import simulate
 

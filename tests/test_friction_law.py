@@ -11,9 +11,11 @@ from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKN
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import Diagnosis, diagnose
-from gms_mujoco.fit import FitResult, as_logged, fit
+from gms_mujoco.fit import fit
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.frf_observation import Seen
 from gms_mujoco.friction_law import FrictionLaw, choices, with_law
+from gms_mujoco.habits import as_logged
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record

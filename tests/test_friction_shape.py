@@ -4,10 +4,10 @@ import numpy as np
 from bench import GMS, HEALTHY, LEVEL, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit import fit_to_end, refine
 from gms_mujoco.friction_shape import following
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
+from gms_mujoco.refine import fit_to_end, refine
 from gms_mujoco.screen import Screen
 
 

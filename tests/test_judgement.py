@@ -10,13 +10,14 @@ from bench import HEALTHY, LEVEL, J, runs
 from scipy import stats
 
 from gms_mujoco import effects, judgement
-from gms_mujoco.fit import FitResult, refine
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.held_out import HeldOut
 from gms_mujoco.inverse import Observation
 from gms_mujoco.judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, discoveries, finalists, least_share, simplest
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
+from gms_mujoco.refine import refine
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:

@@ -12,6 +12,7 @@ from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
     Noise,
     _growth,
+    _within,
     believable,
     choose_bandwidth,
     count_size,
@@ -213,3 +214,12 @@ def test_a_floor_is_never_louder_than_what_is_left() -> None:
     capped = believable(np.where(np.arange(2560) < 512, 30.0, floor), left)
     assert 1.0 < rms(capped[:512]) < 1.5
     np.testing.assert_array_equal(capped[512:], floor[512:])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_motion_that_strays_far_once_and_hardly_ever_after_is_held_within_a_count(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    strayed = np.concatenate([1e-2 * rng.standard_normal(1000), 1e-13 * rng.standard_normal(3000)])
+    held = _within(strayed, COUNT)
+    assert rms(held[:800]) < 2 * COUNT
+    np.testing.assert_array_equal(held[2500:], strayed[2500:])

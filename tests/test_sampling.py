@@ -13,7 +13,8 @@ import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.coordinates import Coordinates
 from gms_mujoco.errors import ModelError
-from gms_mujoco.fit import FitResult, fit
+from gms_mujoco.fit import fit
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.plant import Plant
 from gms_mujoco.sampling import sample
 

@@ -10,9 +10,11 @@ from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, run, runs
 from gms_mujoco import effects
 from gms_mujoco.candidates import applicable, has_phase, strengths
 from gms_mujoco.excitation import multisine
-from gms_mujoco.fit import FitResult, fit, refine
+from gms_mujoco.fit import fit
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.plant import Plant
+from gms_mujoco.refine import refine
 from gms_mujoco.screen import Candidate, Screen
 
 # What has the hidden effect in it for some values of its parameters gains as much.

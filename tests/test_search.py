@@ -7,7 +7,8 @@ import pytest
 from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit import acting_early, fit_observations
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.habits import acting_early
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe

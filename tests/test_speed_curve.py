@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gms_mujoco import effects
-from gms_mujoco.fit import FitResult, fit_observations
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.held_out import HeldOut, p_value
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
