@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit_result import FitResult
+from .fit_result import FitResult, result_of
 from .frf_observation import Seen
 from .inverse import Observation
 from .linear_model import determined
@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 _EARNED, EARLY_SHARE = 0.05, 0.2  # of the squared error, and of that above the floor: less is no habit of a log
 _STEPS_SHARE = 0.5  # of the squared error above the floor, that time steps have to take
-_RESTS_SHARE, _SHARPER = 0.5, 0.5  # of the squared error, that rests have to hold; times the error, left without them
+_RESTS_SHARE = 0.5  # of the squared error, that rests have to hold
+_STOOD_THERE, _SHARPER = 0.75, 0.5  # times the error, left without them by the same plant, and by one fitted so
 
 
 def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARLY_SHARE) -> list[Seen] | None:
@@ -58,7 +59,10 @@ def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     if not _rests_press(misfit, x):
         return None
     seen = without_rests(misfit.observations)
-    return seen if _seen_as(seen, found, fixed).error < _SHARPER * found.error else None
+    # Beside a refit what falls has to be what stood there: fewer rows let a plant bend to what passes on less noise.
+    trial, x = misfit.onto(found.plant, x, seen, fixed)
+    stays = result_of(trial, x).error > _STOOD_THERE * found.error
+    return None if stays or _seen_as(seen, found, fixed).error > _SHARPER * found.error else seen
 
 
 def _rests_press(misfit: Misfit, x: Array) -> bool:

@@ -68,10 +68,11 @@ def p_value(before: HeldOut, after: HeldOut) -> float:
     lengths = _lengths(after.observations, change * after.rows)
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(int)
     b, a, d = (np.add.reduceat(r**2, starts) for r in (before.rows, after.rows, change))
+    asked = np.add.reduceat(after.rows != 0, starts)  # of rows that nothing is asked of nothing is left
     moved = d > 1e-18 * (a + b)  # where the axis stands still nothing is said
     if np.count_nonzero(moved) < 3:
         return 1.0
-    noise = lengths * _loudness(after.observations, lengths, a)
+    noise = asked * _loudness(after.observations, lengths, asked, a)
     b, a, d, noise = b[moved], a[moved], d[moved], noise[moved]
     predicted, fallen = d / (d + 2 * noise), (b - a) / (b + a)
     power = float(predicted @ predicted)
@@ -127,13 +128,15 @@ def correlated(series: Array) -> int:
     return int(low[0]) if len(low) else len(series)
 
 
-def _loudness(observations: Sequence[Seen], lengths: NDArray[np.intp], squares: Array) -> Array:
+def _loudness(
+    observations: Sequence[Seen], lengths: NDArray[np.intp], asked: NDArray[np.intp], squares: Array
+) -> Array:
     """(stretches,) mean squared residual that is usual for the record of each: the median over its stretches."""
-    mean = squares / lengths
+    mean, any_asked = squares / np.maximum(asked, 1), asked > 0
     owner = np.searchsorted(np.cumsum([len(o.index) for o in observations]), np.cumsum(lengths) - 1, side="right")
-    out = np.full(len(mean), np.median(mean))
+    out = np.full(len(mean), np.median(mean[any_asked]))
     for i in np.unique(owner):
-        own = owner == i
+        own = (owner == i) & any_asked
         if np.count_nonzero(own) >= _ENOUGH:
             out[own] = np.median(mean[own])
     return out
