@@ -35,6 +35,7 @@ AT_FLOOR = 1.4  # times the noise floor: as good as the sensors, whose noise is 
 _MUCH = 0.4  # of what is not noise, where that is little and known no better than the noise
 _SOME = 0.2  # of the rows, in which an axis slides, at least, for that to be judged by itself
 _MOST = 0.5  # of what is not noise there, that an effect then has to take
+_SURE = 1e-9  # p value of a fall there that is sure, however well the noise is known
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
@@ -223,20 +224,32 @@ def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: 
     Around reversals a stiff contact leaves what its encoder does not resolve. That may be nearly all that a fit leaves,
     and says nothing of what is missing while friction is no more than its level.
     """
-    seen = now.misfit.observations
-    if not _added(now, result) or not all(isinstance(o, Observation) for o in seen):
+    found = _while_sliding(now, before, result, after)
+    if found is None:
         return False
-    rows = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
-    if rows.mean() < _SOME or after.total > before.total:
-        return False
-    size = float(now.misfit.delivered(now.vector))
-    left, gone = (float(np.sum(h.rows[rows] ** 2)) for h in (before, after))
-    floor = max(float(np.sum(r.floor_rows[rows] ** 2)) for r in (now, result)) / size
+    left, gone, floor = (float(np.sum(rows**2)) for rows in found)
     return left > AT_FLOOR**2 * floor and takes(left, gone, floor, _MOST)
 
 
+def _while_sliding(
+    now: FitResult, before: HeldOut, result: FitResult, after: HeldOut
+) -> tuple[Array, Array, Array] | None:
+    """(m,) what two fits leave where the axis slides, 0 elsewhere, and the louder of what noise does there; None where
+    it slides too little, or more is left in all."""
+    seen = now.misfit.observations
+    if not _added(now, result) or not all(isinstance(o, Observation) for o in seen):
+        return None
+    slides = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
+    if slides.mean() < _SOME or after.total > before.total:
+        return None
+    size = math.sqrt(now.misfit.delivered(now.vector))
+    floor = max((slides * r.floor_rows / size for r in (now, result)), key=squared)
+    return slides * before.rows, slides * after.rows, floor
+
+
 def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
-    """At the noise floor, whether an effect takes much of the little that noise does not explain.
+    """At the noise floor, whether an effect takes much of the little that noise does not explain; or surely does so of
+    that where the axis slides.
 
     Of friction and mechanics alone: what filters a reading, of torque or position, passes on less of its noise.
     """
@@ -246,10 +259,14 @@ def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: He
     if swings(added[0]):
         return False
     floor, fits = min(floor_of(now), floor_of(result)), _left_by(now, result)
-    if not all(takes(a, b, floor, _MUCH) for a, b in ((before.total, after.total), fits)):
-        return False
-    quieter = _quieter(now, result)
-    return all(takes(a, b + quieter, floor, _MUCH) for a, b in ((before.total, after.total), fits))
+    falls = [(*pair, floor) for pair in ((before.total, after.total), fits)]
+    much = all(takes(*fall, _MUCH) for fall in falls)
+    if not much and (sliding := _while_sliding(now, before, result, after)) is not None:
+        left, gone, _ = (HeldOut(rows, before.observations) for rows in sliding)
+        falls = [(left.total, gone.total, squared(sliding[2]))]
+        much = takes(*falls[0], _MUCH) and p_value(left, gone) < _SURE
+    quieter = _quieter(now, result) if much else 0.0
+    return much and all(takes(a, b + quieter, noise, _MUCH) for a, b, noise in falls)
 
 
 def _quieter(now: FitResult, result: FitResult) -> float:
