@@ -189,13 +189,26 @@ def _left_by(now: FitResult, result: FitResult) -> tuple[float, float]:
     return left_of(now.misfit, now.vector), left_of(result.misfit, result.vector)
 
 
+def _filters(now: FitResult, result: FitResult) -> bool:
+    """Whether an effect was added that stands in the path of the torque, or swings: it may pass on less noise."""
+    return any(type(e).deliver is not Effect.deliver or swings(e) for e in _added(now, result))
+
+
 def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float) -> bool:
-    """Whether an effect takes its share on held-out blocks and of what the fits leave."""
+    """Whether an effect takes its share on held-out blocks and of what the fits leave.
+
+    What may pass on less noise has nothing to explain where no more is left than noise leaves beside the same friction.
+    """
     quiet = at_floor(now, before)
     floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
     if not all(takes(a, b, floor, share) for a, b in ((before.total, after.total), _left_by(now, result))):
         return False
-    return not quiet or takes(before.total, after.total + _quieter(now, result), 0.0, share)
+    if not quiet:
+        return True
+    idle, acting = _noise_beside(now, result)
+    if before.total <= idle and _filters(now, result):
+        return False
+    return takes(before.total, after.total + max(idle - acting, 0.0), 0.0, share)
 
 
 def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: float) -> bool:
@@ -206,10 +219,9 @@ def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: floa
     gain of the velocity over the inertia: what is left falls by half where it is that noise, at the upper end of the
     band. What does come late does so at any frequency, and has to take its share there too.
     """
-    added = _added(now, result)
-    drives = any(type(e).deliver is not Effect.deliver for e in added)
-    if not at_floor(now, before) or not (drives or any(map(swings, added))):
+    if not at_floor(now, before) or not _filters(now, result):
         return True
+    drives = not all(map(swings, _added(now, result)))
     seen = [o for o in now.misfit.observations if isinstance(o, Observation)]
     if len(seen) < len(now.misfit.observations):
         return True
@@ -265,20 +277,23 @@ def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: He
         left, gone, _ = (HeldOut(rows, before.observations) for rows in sliding)
         falls = [(left.total, gone.total, squared(sliding[2]))]
         much = takes(*falls[0], _MUCH) and p_value(left, gone) < _SURE
-    quieter = _quieter(now, result) if much else 0.0
-    return much and all(takes(a, b + quieter, noise, _MUCH) for a, b, noise in falls)
+    if not much:
+        return False
+    idle, acting = _noise_beside(now, result)
+    quieter = max(idle - acting, 0.0)
+    return all(takes(a, b + quieter, noise, _MUCH) for a, b, noise in falls)
 
 
-def _quieter(now: FitResult, result: FitResult) -> float:
-    """By how much less of the sensors' noise a fit passes on than another [N^2 m^2].
+def _noise_beside(now: FitResult, result: FitResult) -> tuple[float, float]:
+    """What the sensors' noise alone leaves through a fit without an effect, and through one with it [N^2 m^2].
 
-    Of a fit with one effect more that is what the effect does beside the same friction, against a strength of zero.
+    Of a fit with one effect more that is beside the same friction: the effect at a strength of zero, and as it is.
     Friction that has stiffened to stand for what is missing passes on a great deal, and no effect hides that noise.
     """
     added = _added(now, result)
     exchanged = any(e.name not in result.plant for e in now.plant.effects)
     if exchanged or not added:
-        return max(floor_of(now, result.noise) - floor_of(result), 0.0)
+        return floor_of(now, result.noise), floor_of(result)
     effect = added[0]
     if absent(effect) == effect:
         misfit, vector = without(result, effect.name)
@@ -286,7 +301,7 @@ def _quieter(now: FitResult, result: FitResult) -> float:
         misfit, vector = result.misfit.onto(result.plant.replace(absent(effect)), result.vector)
     idle = replace(result, plant=misfit.plant(vector), misfit=misfit, vector=vector)
     most = now.misfit.residual(now.vector)  # the same for both: noise that a plant passes on has no other end
-    return max(floor_of(idle, result.noise, most) - floor_of(result, result.noise, most), 0.0)
+    return floor_of(idle, result.noise, most), floor_of(result, result.noise, most)
 
 
 def residual_of(result: FitResult) -> HeldOut:

@@ -71,12 +71,12 @@ def test_a_series_goes_on_with_a_usual_harmonic_at_no_least_share() -> None:
 
 
 @pytest.mark.parametrize(
-    ("friction", "coupling", "worth"),
-    [(0.0, 0.0, True), (50.0, 0.0, True), (0.0, 50.0, False)],
-    ids=["as loud", "beside stiffer friction", "quieter"],
+    ("noise", "friction", "coupling", "worth"),
+    [(60.0, 0.0, 0.0, True), (60.0, 50.0, 0.0, True), (60.0, 0.0, 50.0, False), (101.0, 0.0, 0.0, False)],
+    ids=["as loud", "beside stiffer friction", "quieter", "no more than noise"],
 )
 def test_at_the_floor_less_noise_is_no_explanation(
-    monkeypatch: pytest.MonkeyPatch, friction: float, coupling: float, worth: bool
+    monkeypatch: pytest.MonkeyPatch, noise: float, friction: float, coupling: float, worth: bool
 ) -> None:
     """A coupling takes inertia off high frequencies and with it the encoder's noise, whatever the axis is. Friction
     that has stiffened where it stood alone passed on noise of its own, which says nothing against a coupling."""
@@ -91,7 +91,7 @@ def test_at_the_floor_less_noise_is_no_explanation(
 
     def floor(r: FitResult, *given: object) -> float:
         rigid = name not in r.plant or r.plant[name].values["inertia"] == 0
-        return 60.0 + coupling * rigid + friction * (r is now)
+        return noise + coupling * rigid + friction * (r is now)
 
     monkeypatch.setattr(judgement, "floor_of", floor)
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: 90.0 if misfit is now.misfit else 55.0)
@@ -112,7 +112,7 @@ def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gai
     result: Any = SimpleNamespace(misfit="result", vector=None, plant=bare + effects.Cogging(harmonics=[6]))
     monkeypatch.setattr(judgement, "floor_of", lambda *given: floor)
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: left[misfit])
-    monkeypatch.setattr(judgement, "_quieter", lambda *given: 0.0)
+    monkeypatch.setattr(judgement, "_noise_beside", lambda *given: (0.0, 0.0))
     monkeypatch.setattr(judgement, "takes_of_sliding", lambda *given: False)
     before: Any = SimpleNamespace(total=100.0)
     after: Any = SimpleNamespace(total=60.0)
