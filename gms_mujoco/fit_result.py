@@ -16,7 +16,7 @@ from .plant import Plant
 from .score import Score
 from .servo_observation import errors_of
 from .tall import squared
-from .time_steps import RESTS, TOLD, rests_unasked, steps_of
+from .time_steps import RESTS, TOLD, steps_of
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
 
@@ -108,7 +108,7 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     }
     if steps := steps_of(observations):
         provenance[TOLD] = [steps[0], *steps[1]]
-    if rests_unasked(observations):
+    if any(isinstance(o, Observation) and o.asked is not None for o in observations):
         provenance[RESTS] = True
     if score.of == "position":
         provenance["error_of"] = "position, mean absolute [rad]"

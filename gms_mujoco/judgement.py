@@ -191,7 +191,11 @@ def _left_by(now: FitResult, result: FitResult) -> tuple[float, float]:
 
 def _filters(now: FitResult, result: FitResult) -> bool:
     """Whether an effect was added that stands in the path of the torque, or swings: it may pass on less noise."""
-    return any(type(e).deliver is not Effect.deliver or swings(e) for e in _added(now, result))
+    return any(_drives(e) or swings(e) for e in _added(now, result))
+
+
+def _drives(effect: Effect) -> bool:
+    return type(effect).deliver is not Effect.deliver
 
 
 def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float) -> bool:
@@ -221,7 +225,7 @@ def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: floa
     """
     if not at_floor(now, before) or not _filters(now, result):
         return True
-    drives = not all(map(swings, _added(now, result)))
+    drives = any(map(_drives, _added(now, result)))
     seen = [o for o in now.misfit.observations if isinstance(o, Observation)]
     if len(seen) < len(now.misfit.observations):
         return True

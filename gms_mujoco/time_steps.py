@@ -149,11 +149,6 @@ def without_rests(seen: Sequence[Seen]) -> list[Seen]:
     return [o.without_rests() if isinstance(o, Observation) else o for o in seen]
 
 
-def rests_unasked(seen: Sequence[Seen]) -> bool:
-    """Whether that is so."""
-    return any(isinstance(o, Observation) and o.asked is not None for o in seen)
-
-
 def as_fitted(seen: Sequence[Seen], provenance: Mapping[str, Any]) -> list[Seen]:
     """Observations as those that a plant was fitted to, by its provenance."""
     if provenance.get(RESTS):
