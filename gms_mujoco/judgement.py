@@ -332,7 +332,8 @@ def floor_of(result: FitResult, noise: Noise | None = None, most: Array | None =
 def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
 
-    As good is what is not told from the best, or leaves hardly more: long records tell apart what makes no difference.
+    As good is what is not told from the best, leaves hardly more, or too little to have a cause: long records, or such
+    without noise, tell apart what makes no difference.
     So is what has fewer free parameters and leaves no more of what it was fitted to, as a coupling where a play has no
     gap: the further unknowns say nothing, and where refits beside them predict better a fold has led the others astray.
     """
@@ -349,6 +350,7 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
         for i, h in enumerate(held_out)
         if p_value(h, held_out[best]) > _CONFUSABLE
         or h.total - held_out[best].total < LEAST_GAIN * held_out[best].total
+        or h.total <= trials[i].result.negligible
         or (sizes[i] < sizes[best] and left(i) <= (1 + _NO_MORE) * left(best))
     ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))

@@ -29,12 +29,13 @@ def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
 
 
 @pytest.mark.parametrize(
-    ("held_out", "left", "chosen", "others"),
-    [(1.0, 1.0, 1, [0]), (2.0, 1.0, 1, [0]), (2.0, 1.005, 1, [0]), (2.0, 1.2, 0, [])],
-    ids=["as good on both", "refits led astray", "hardly more", "worse"],
+    ("held_out", "left", "negligible", "chosen", "others"),
+    [(1.0, 1.0, 0.0, 1, [0]), (2.0, 1.0, 0.0, 1, [0]), (2.0, 1.005, 0.0, 1, [0]), (2.0, 1.2, 0.0, 0, []),
+     (2.0, 1.2, 1e9, 1, [0])],
+    ids=["as good on both", "refits led astray", "hardly more", "worse", "too little to have a cause"],
 )
 def test_fewer_parameters_that_leave_as_much_are_preferred(
-    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, chosen: int, others: list[int]
+    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, negligible: float, chosen: int, others: list[int]
 ) -> None:
     """The play is the first, with one parameter more than the coupling."""
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: misfit.left)
@@ -43,7 +44,7 @@ def test_fewer_parameters_that_leave_as_much_are_preferred(
 
     def trial(name: str, size: int, left: float, held_out: float) -> judgement.Trial:
         misfit = SimpleNamespace(left=left, coordinates=SimpleNamespace(size=size))
-        result: Any = SimpleNamespace(misfit=misfit, vector=None)
+        result: Any = SimpleNamespace(misfit=misfit, vector=None, negligible=negligible)
         return judgement.Trial(name, result, HeldOut(np.sqrt(held_out) * noise, seen))
 
     trials = [trial("backlash", 5, 1.0, 1.0), trial("flexible_coupling", 4, left, held_out)]
