@@ -124,13 +124,13 @@ def acting_early(found: FitResult, fixed: Collection[str] = (), share: float = E
     others = np.delete(rows / scale, n, axis=1)
     column = rows[:, n] / scale[n]
     column = column - others @ np.linalg.lstsq(others, column, rcond=None)[0]
-    left = float(residual @ residual)
-    enough = max(_EARNED * left, (EARLY_SHARE if late else share) * (left - float(found.floor_rows @ found.floor_rows)))
+    left = squared(residual)
+    enough = max(_EARNED * left, (EARLY_SHARE if late else share) * (left - squared(found.floor_rows)))
     if (column @ residual < 0) != late or (column @ residual) ** 2 < enough * (column @ column):
         return None
     early = [o.acting_early() if isinstance(o, Observation) else o for o in misfit.observations]
     again = refine(Misfit(found.plant, early, fixed), x)
-    return early if left - float(np.sum(again.misfit.residual(again.vector) ** 2)) > enough else None
+    return early if left - again.misfit.cost(again.vector) > enough else None
 
 
 def _pressing(misfit: Misfit, x: Array) -> int:

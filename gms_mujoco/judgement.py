@@ -209,10 +209,10 @@ def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: Hel
         return False
     if not quiet:
         return True
-    idle, acting = _noise_beside(now, result)
+    idle, quieter = _noise_beside(now, result)
     if before.total <= idle and _filters(now, result):
         return False
-    return takes(before.total, after.total + max(idle - acting, 0.0), 0.0, share)
+    return takes(before.total, after.total + quieter, 0.0, share)
 
 
 def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: float) -> bool:
@@ -243,24 +243,24 @@ def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: 
     found = _while_sliding(now, before, result, after)
     if found is None:
         return False
-    left, gone, floor = (float(np.sum(rows**2)) for rows in found)
-    return left > AT_FLOOR**2 * floor and takes(left, gone, floor, _MOST)
+    left, gone, floor = found
+    return left.total > AT_FLOOR**2 * floor and takes(left.total, gone.total, floor, _MOST)
 
 
 def _while_sliding(
     now: FitResult, before: HeldOut, result: FitResult, after: HeldOut
-) -> tuple[Array, Array, Array] | None:
-    """(m,) what two fits leave where the axis slides, 0 elsewhere, and the louder of what noise does there; None where
-    it slides too little, or more is left in all."""
+) -> tuple[HeldOut, HeldOut, float] | None:
+    """What two fits leave where the axis slides, 0 elsewhere, and the squared residual that noise leaves there through
+    the louder [N^2 m^2]; None where it slides too little, or more is left in all."""
     seen = now.misfit.observations
     if not _added(now, result) or not all(isinstance(o, Observation) for o in seen):
         return None
     slides = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
     if slides.mean() < _SOME or after.total > before.total:
         return None
-    size = math.sqrt(now.misfit.delivered(now.vector))
-    floor = max((slides * r.floor_rows / size for r in (now, result)), key=squared)
-    return slides * before.rows, slides * after.rows, floor
+    left, gone = (HeldOut(slides * h.rows, seen) for h in (before, after))
+    floor = max(squared(r.floor_rows[slides]) for r in (now, result)) / now.misfit.delivered(now.vector)
+    return left, gone, floor
 
 
 def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
@@ -278,18 +278,18 @@ def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: He
     falls = [(*pair, floor) for pair in ((before.total, after.total), fits)]
     much = all(takes(*fall, _MUCH) for fall in falls)
     if not much and (sliding := _while_sliding(now, before, result, after)) is not None:
-        left, gone, _ = (HeldOut(rows, before.observations) for rows in sliding)
-        falls = [(left.total, gone.total, squared(sliding[2]))]
+        left, gone, noise = sliding
+        falls = [(left.total, gone.total, noise)]
         much = takes(*falls[0], _MUCH) and p_value(left, gone) < _SURE
     if not much:
         return False
-    idle, acting = _noise_beside(now, result)
-    quieter = max(idle - acting, 0.0)
+    _, quieter = _noise_beside(now, result)
     return all(takes(a, b + quieter, noise, _MUCH) for a, b, noise in falls)
 
 
 def _noise_beside(now: FitResult, result: FitResult) -> tuple[float, float]:
-    """What the sensors' noise alone leaves through a fit without an effect, and through one with it [N^2 m^2].
+    """What the sensors' noise alone leaves through a fit without an effect, and how much less through one with it
+    [N^2 m^2].
 
     Of a fit with one effect more that is beside the same friction: the effect at a strength of zero, and as it is.
     Friction that has stiffened to stand for what is missing passes on a great deal, and no effect hides that noise.
@@ -297,7 +297,8 @@ def _noise_beside(now: FitResult, result: FitResult) -> tuple[float, float]:
     added = _added(now, result)
     exchanged = any(e.name not in result.plant for e in now.plant.effects)
     if exchanged or not added:
-        return floor_of(now, result.noise), floor_of(result)
+        without_it = floor_of(now, result.noise)
+        return without_it, max(without_it - floor_of(result), 0.0)
     effect = added[0]
     if absent(effect) == effect:
         misfit, vector = without(result, effect.name)
@@ -305,7 +306,8 @@ def _noise_beside(now: FitResult, result: FitResult) -> tuple[float, float]:
         misfit, vector = result.misfit.onto(result.plant.replace(absent(effect)), result.vector)
     idle = replace(result, plant=misfit.plant(vector), misfit=misfit, vector=vector)
     most = now.misfit.residual(now.vector)  # the same for both: noise that a plant passes on has no other end
-    return floor_of(idle, result.noise, most), floor_of(result, result.noise, most)
+    without_it = floor_of(idle, result.noise, most)
+    return without_it, max(without_it - floor_of(result, result.noise, most), 0.0)
 
 
 def residual_of(result: FitResult) -> HeldOut:
@@ -333,9 +335,9 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     """Which of those that are as good as the best on held-out blocks has the fewest free parameters; and the others.
 
     As good is what is not told from the best, leaves hardly more, or too little to have a cause: long records, or such
-    without noise, tell apart what makes no difference.
-    So is what has fewer free parameters and leaves no more of what it was fitted to, as a coupling where a play has no
-    gap: the further unknowns say nothing, and where refits beside them predict better a fold has led the others astray.
+    without noise, tell apart what makes no difference. So is what has fewer free parameters and leaves no more of what
+    it was fitted to, as a coupling where a play has no gap: the further unknowns say nothing, and where refits beside
+    them predict better a fold has led the others astray.
     """
 
     @functools.cache
