@@ -18,19 +18,19 @@ from .errors import DataError
 from .fit import baseline
 from .fit_result import with_covariance
 from .frf_observation import FrfObservation, Seen
-from .friction_law import FrictionLaw, choices, much_better, with_law, would_be_better
+from .friction_law import choices, much_better, with_law, would_be_better
 from .held_out import p_value
 from .inverse import Observation
 from .judgement import AT_FLOOR
 from .observe import driven, observe
+from .paths import searched
 from .plant import Plant
 from .progress import Progress
-from .recheck import drop_false, drop_late, exchange
 from .refine import finished
 from .remainder import describe, loudest
 from .score import Score, relative_error
 from .screen import Screen
-from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
+from .search import Search, Step
 from .threads import one_blas_thread
 from .time_steps import as_fitted
 from .undetermined import never_slips
@@ -178,7 +178,8 @@ def diagnose(
     Every effect of the catalogue is screened at the price of a few replays, the best are refitted jointly with the
     plant. One is added if it lowers the error on blocks of the fit records that its fit has not seen (and on the
     select records where there are some), significantly after control of the false discovery rate over the whole
-    catalogue. The validate records are scored once, after the choice.
+    catalogue. Where that ends above the noise floor, it goes on from effects that were passed over for one that left
+    hardly less, and stays with the path that explains most. The validate records are scored once, after the choice.
 
     The default baseline has `gms` friction. Where that leaves more than noise does, `lugre` in its place is fitted
     too, before effects are looked for and beside those that were found, and takes it where it passes the same tests
@@ -219,13 +220,11 @@ def diagnose(
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
     search = Search(seen, select, start, without)
-    friction = FrictionLaw(search, free=plant is None)
-    late = _searched(search, friction, lambda done, message: report(0.02 + 0.88 * done, message))
-    law_said = friction.said
+    law_said, late = searched(search, plant is None, lambda done, message: report(0.02 + 0.88 * done, message))
     if plant is None and not search.at_floor and all(isinstance(o, FrfObservation) for o in seen):
         for law in choices(start)[1:]:
             other = Search(seen, select, with_law(start, law), without)
-            other_late = _searched(other, FrictionLaw(other, free=False), lambda done, message: report(0.9, message))
+            _, other_late = searched(other, False, lambda done, message: report(0.9, message))
             if better := much_better(search, other, law.name):
                 search, late, law_said = other, other_late, better
 
@@ -254,37 +253,6 @@ def diagnose(
         found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")
     return found
-
-
-def _searched(search: Search, friction: FrictionLaw, report: Progress) -> str:
-    """Takes a search to its end; a sentence where what was found last was taken away again.
-
-    The law of friction is chosen and effects are added while they earn their place; then the order is checked.
-    """
-    search.first(lambda done, message: report(0.22 * done, f"baseline: {message}"))
-    for k in range(MOST_ROUNDS):
-        lower, width = 0.22 + 0.7 * k / MOST_ROUNDS, 0.7 / MOST_ROUNDS
-        law = friction.better()
-        if law is not None and law.clear:
-            friction.take(law)
-            continue
-        if len(search.steps) <= MOST_EFFECTS and search.add_one(
-            lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
-        ):
-            if law is not None and law.held_out.total < search.held_out.total:
-                friction.take(law)
-            else:
-                exchange(search)
-            continue
-        if law is not None:
-            friction.take(law)
-            continue
-        report(lower + width, "checking the order")
-        if not drop_false(search):
-            break
-    else:
-        drop_false(search)
-    return drop_late(search)
 
 
 def _conclude(

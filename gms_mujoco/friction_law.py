@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 
 from . import effects
@@ -58,6 +59,12 @@ class FrictionLaw:
         self._laws = choices(search.start) if free and search.timed else ()
         self._taken: set[str] = set()  # each law at most once, so that there is an end
         self.said = ""
+
+    def beside(self, search: Search) -> FrictionLaw:
+        """The choice beside another search, that has come from this one's."""
+        out = copy(self)
+        out._search, out._taken = search, set(self._taken)
+        return out
 
     def better(self) -> Trial | None:
         """The best of the other laws that earns its place beside what was found so far; None where the own one stays.

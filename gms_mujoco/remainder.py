@@ -70,7 +70,8 @@ def describe(misfit: Misfit, vector: Array) -> str:
     period, share = wave(position, residual)
     if share > _NOTABLE:
         every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
-        said.append(f"in waves over the place, one every {every} ({100 * share:.0f} %)")
+        lone = "" if hinge or len(runs) > 1 else ", which a second record to fit would hold to the place"
+        said.append(f"in waves over the place, one every {every} ({100 * share:.0f} %){lone}")
     for x, what in ((place, f"tied to the {where_on}"), (velocity, "tied to velocity")):
         share = _explained(x, residual)
         if share > _NOTABLE:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 
@@ -125,6 +126,18 @@ class Search:
     def at_floor(self) -> bool:
         """Whether what the current plant leaves on held-out blocks is as good as noise."""
         return at_floor(self.steps[-1].result, self.held_out)
+
+    def branch(self, number: int, trial: Trial) -> Search:
+        """Another search, which took another effect at one step and is there now."""
+        out, before = copy(self), self.steps[number - 1]
+        p = p_value(before.held_out, trial.held_out)
+        out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
+        out.seen, out.rejected, out.false, out.hint = list(self.seen), [], set(), ""
+        return out
+
+    def become(self, other: Search) -> None:
+        """Goes on where another search has ended."""
+        vars(self).update(vars(other))
 
     def first(self, report: Progress) -> None:
         result = fit_as_logged(self.start, self.seen, report)

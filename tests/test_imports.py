@@ -36,6 +36,7 @@ LAYERS = [
     {"friction_shape", "joint_fits"},
     {"search"},
     {"recheck", "friction_law"},
+    {"paths"},
     {"diagnose"},
     {"bootstrap"},
     {"page", "page_frf", "page_servo"},

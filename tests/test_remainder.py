@@ -80,6 +80,8 @@ def test_waves_over_the_place_are_said_with_their_length(kind: str, said: str) -
     found = _of(plant, there)
     assert f"in waves over the place, one every {said}" in found
     assert kind == "hinge" or "revolution" not in found
+    assert "a second record" not in found
+    assert any("a second record to fit" in _of(plant, [r]) for r in there) == (kind == "slide")
 
 
 def test_velocity_is_said() -> None:

@@ -1,0 +1,105 @@
+"""The whole of a search: the law of friction, the effects one after another, their order, and the paths not taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .friction_law import FrictionLaw
+from .judgement import Trial, simplest
+from .progress import Progress
+from .recheck import drop_false, drop_late, exchange
+from .search import MOST_EFFECTS, MOST_ROUNDS, Search
+
+_HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
+_MOST_RIVALS = 2
+
+
+def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
+    """Takes a search to its end; a sentence on the law of friction where it is another than the first, and one on what
+    was found last and taken away again.
+
+    The law is chosen, where it is free, and effects are added while they earn their place; then the order is checked.
+    Where the noise floor is not reached that way others are gone, see `along_rivals`.
+    """
+    friction = FrictionLaw(search, free)
+    search.first(lambda done, message: report(0.22 * done, f"baseline: {message}"))
+    _to_its_end(search, friction, lambda done, message: report(0.22 + 0.6 * done, message))
+    if not search.at_floor:
+        friction = along_rivals(search, friction, lambda done, message: report(0.82 + 0.18 * done, message))
+    return friction.said, drop_late(search)
+
+
+def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS) -> None:
+    """Goes on to where nothing more earns its place, or there are `most` effects."""
+    for k in range(MOST_ROUNDS):
+        lower, width = k / MOST_ROUNDS, 1 / MOST_ROUNDS
+        law = friction.better()
+        if law is not None and law.clear:
+            friction.take(law)
+            continue
+        if len(search.steps) <= most and search.add_one(
+            lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
+        ):
+            if law is not None and law.held_out.total < search.held_out.total:
+                friction.take(law)
+            else:
+                exchange(search)
+            continue
+        if law is not None:
+            friction.take(law)
+            continue
+        report(lower + width, "checking the order")
+        if not drop_false(search):
+            break
+    else:
+        drop_false(search)
+
+
+def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> FrictionLaw:
+    """Goes on from effects that left hardly more than the one that was chosen instead; the law of friction of the end.
+
+    What has many forms takes a part of what a second effect does along with the first, and leaves that no place of its
+    own. Which of two was the first cause is told by where they lead: with one effect more at most to what leaves less.
+    """
+    rivals = _rivals(search)[:_MOST_RIVALS]
+    ends, known = [(search, friction)], [_names(search)]
+    for i, (k, rival) in enumerate(rivals):
+        report(i / len(rivals), f"going on from {rival.name}")
+        other = search.branch(k, rival)
+        law = friction.beside(other)
+        _to_its_end(other, law, _silent, min(len(search.steps), MOST_EFFECTS))
+        if _names(other) in known:
+            continue
+        known.append(_names(other))
+        if _best([search, other]):
+            _to_its_end(other, law, _silent)
+            ends.append((other, law))
+        if other.at_floor:
+            break
+    other, law = ends[_best([s for s, _ in ends])]
+    search.become(other)
+    return law
+
+
+def _silent(done: float, message: str) -> None:
+    pass
+
+
+def _names(search: Search) -> set[str]:
+    return {e.name for e in search.steps[-1].result.plant.effects}
+
+
+def _best(searches: Sequence[Search]) -> int:
+    return simplest([Trial("", s.steps[-1].result, s.held_out) for s in searches])[0]
+
+
+def _rivals(search: Search) -> list[tuple[int, Trial]]:
+    """The effects that left hardly more than that of a step, each with the number of that step; those of the fewest
+    free parameters first."""
+    found = [
+        (k, rival)
+        for k, step in enumerate(search.steps)
+        for rival in step.others
+        if rival.name not in _names(search) and rival.held_out.total <= _HARDLY_MORE * step.held_out.total
+    ]
+    return sorted(found, key=lambda r: (r[1].result.misfit.coordinates.size, r[1].held_out.total))

@@ -1,0 +1,59 @@
+"""Where a search ends short of the noise floor, effects that were passed over are gone on with."""
+
+from dataclasses import replace
+
+import numpy as np
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.effect import Effect
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.friction_law import FrictionLaw
+from gms_mujoco.held_out import p_value
+from gms_mujoco.judgement import Trial
+from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.observe import observe
+from gms_mujoco.paths import along_rivals
+from gms_mujoco.search import Search, Step
+
+OFFSET, LEANING = effects.TorqueOffset(torque=0.0), effects.AsymmetricFriction(level=0.1)
+
+
+def quiet(done: float, message: str) -> None: ...
+
+
+def gone_astray(runs: Dataset) -> Search:
+    """A search that took friction that differs between the directions for an offset, which it passed over."""
+    search = Search(observe(runs.fit, HEALTHY.inertia), [], UNKNOWN)
+    search.first(quiet)
+
+    def trial(effect: Effect) -> Trial:
+        found = fit_observations(search.steps[0].result.plant + effect, search.seen)
+        return Trial(effect.name, found, cross_validated(found.misfit, found.vector))
+
+    taken, passed_over = trial(LEANING), trial(OFFSET)
+    p = p_value(search.held_out, taken.held_out)
+    search.steps.append(Step(taken.name, taken.result, None, (), p, taken.held_out, others=(passed_over,)))
+    return search
+
+
+def names(search: Search) -> list[str | None]:
+    return [s.effect for s in search.steps[1:]]
+
+
+def test_the_path_of_an_effect_that_was_passed_over_is_taken_where_it_leads_further() -> None:
+    search = gone_astray(dataset(HEALTHY + OFFSET.replace(torque=0.3 * LEVEL) + HIDDEN["cogging"]))
+    assert names(search) == ["asymmetric_friction"] and not search.at_floor
+    along_rivals(search, FrictionLaw(search, free=False), quiet)
+    assert sorted(map(str, names(search))) == ["cogging", "torque_offset"] and search.at_floor
+
+
+def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
+    hum = 0.2 * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(dataset(HEALTHY).fit[0])))
+    known = dataset(HEALTHY + LEANING.replace(level=0.3))
+    records = [replace(r, signals={**r.signals, "torque": r.torque + hum}) for r in known.records]
+    search = gone_astray(replace(known, records=tuple(records)))
+    end, law = search.steps[-1], FrictionLaw(search, free=False)
+    assert not search.at_floor and names(search.branch(1, end.others[0])) == ["torque_offset"]
+    assert along_rivals(search, law, quiet) is law and search.steps[1:] == [end]
