@@ -61,18 +61,19 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     What has many forms takes a part of what a second effect does along with the first, and leaves that no place of its
     own. Which of two was the first cause is told by where they lead: with one effect more at most to what leaves less.
     """
-    rivals = _rivals(search)[:_MOST_RIVALS]
+    rivals, most = _rivals(search)[:_MOST_RIVALS], min(len(search.steps), MOST_EFFECTS)
     ends, known = [(search, friction)], [_names(search)]
     for i, (k, rival) in enumerate(rivals):
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
         law = friction.beside(other)
-        _to_its_end(other, law, _silent, min(len(search.steps), MOST_EFFECTS))
+        _to_its_end(other, law, _silent, most)
         if _names(other) in known:
             continue
         known.append(_names(other))
         if _best([search, other]):
-            _to_its_end(other, law, _silent)
+            if len(other.steps) > most:  # there may be more to it
+                _to_its_end(other, law, _silent)
             ends.append((other, law))
         if other.at_floor:
             break

@@ -10,12 +10,11 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.friction_law import FrictionLaw
-from gms_mujoco.held_out import p_value
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
 from gms_mujoco.paths import along_rivals
-from gms_mujoco.search import Search, Step
+from gms_mujoco.search import Search
 
 OFFSET, LEANING = effects.TorqueOffset(torque=0.0), effects.AsymmetricFriction(level=0.1)
 
@@ -33,9 +32,9 @@ def gone_astray(runs: Dataset) -> Search:
         return Trial(effect.name, found, cross_validated(found.misfit, found.vector))
 
     taken, passed_over = trial(LEANING), trial(OFFSET)
-    p = p_value(search.held_out, taken.held_out)
-    search.steps.append(Step(taken.name, taken.result, None, (), p, taken.held_out, others=(passed_over,)))
-    return search
+    astray = search.branch(1, taken)
+    astray.steps[1] = replace(astray.steps[1], others=(passed_over,))
+    return astray
 
 
 def names(search: Search) -> list[str | None]:
