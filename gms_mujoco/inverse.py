@@ -413,10 +413,17 @@ class Observation:
         Args:
             skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
         """
-        if plant.drive:
-            return self.band(self._ahead(self._delivered(plant), skew))
-        command, rate, bend = self._commanded
-        return command - skew * rate + skew**2 / 2 * bend if skew else command
+        known = self._applied
+        if plant.drive not in known:
+            if len(known) > 4:  # a fit tries many, one after another and a few at a time
+                known.clear()
+            known[plant.drive] = tuple(map(self.band, self._shifted(self._mean_torque(plant))))
+        torque, rate, bend = known[plant.drive]
+        return torque - skew * rate + skew**2 / 2 * bend if skew else torque
+
+    @cached_property
+    def _applied(self) -> dict[tuple[Effect, ...], tuple[Array, ...]]:
+        return {}
 
     # With both, a torque between samples lies on the parabola through three of them: exact for a skew of a sample.
     def _shifted(self, mean: Array) -> tuple[Array, Array, Array]:
@@ -424,34 +431,18 @@ class Observation:
         h = self.record.sample_time
         return mean, np.gradient(mean, h), second_difference(mean, h)
 
-    def _ahead(self, mean: Array, skew: float) -> Array:
-        if not skew:
-            return mean
-        torque, rate, bend = self._shifted(mean)
-        return torque - skew * rate + skew**2 / 2 * bend
-
-    def _delivered(self, plant: Plant) -> Array:
-        """(n,) what the drive delivered around each sample."""
+    def _mean_torque(self, plant: Plant) -> Array:
+        """(n,) mean around each sample of what the drive delivered."""
         r = self.record
-        torque = delivered(plant, r, FINE)
+        if not plant.drive:
+            return mean_torque(r)
         rising = (2 * np.arange(FINE) + 1) / (2 * FINE**2)
-        mean = r.torque.copy()
-        mean[1:] = np.convolve(torque, np.append(rising, rising[::-1]), "valid")[::FINE]
-        return mean
-
-    @property
-    def _mean_command(self) -> Array:
-        """(n,) mean of the torque commanded, around each sample."""
-        return mean_torque(self.record)
+        kernel = np.append(rising, rising[::-1])
+        return np.append(r.torque[:1], series.band(delivered(plant, r, FINE), kernel, 0, FINE, len(r) - 1))
 
     def driven(self, plant: Plant) -> Array:
         """(substeps * n,) mean torque that the drive of a plant delivered over each part of a sample [N m]."""
         return delivered(plant, self.record, self.substeps)
-
-    @cached_property
-    def _commanded(self) -> tuple[Array, Array, Array]:
-        torque, rate, bend = map(self.band, self._shifted(self._mean_command))
-        return torque, rate, bend
 
     def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque of the effects along the motion, between the samples too, less what a robot's rigid

@@ -118,12 +118,8 @@ class TimeSteps(Observation):
         """As for an `Observation`."""
         return _moved(delivered(plant, self.record, FINE).reshape(-1, FINE).mean(1), self.late)
 
-    def _delivered(self, plant: Plant) -> Array:
-        return self.driven(plant)
-
-    @property
-    def _mean_command(self) -> Array:
-        return _moved(self.record.torque, self.late)
+    def _mean_torque(self, plant: Plant) -> Array:
+        return self.driven(plant) if plant.drive else _moved(self.record.torque, self.late)
 
 
 def _moved(x: Array, rows: int) -> Array:
