@@ -15,7 +15,7 @@ from .frf_observation import Seen
 from .inverse import Observation
 from .linear_model import determined
 from .misfit import Misfit
-from .refine import refine
+from .refine import refine, refined
 from .tall import squared
 from .time_steps import TimeSteps, in_steps, steps_of, without_rests
 
@@ -44,10 +44,10 @@ def may_be_otherwise(misfit: Misfit, x: Array) -> bool:
     return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x)) or _rests_press(misfit, x)
 
 
-def _seen_as(seen: Sequence[Seen], found: FitResult, fixed: Collection[str]) -> FitResult:
-    """A fit refined to its records as they are seen otherwise."""
+def _onto(seen: Sequence[Seen], found: FitResult, fixed: Collection[str]) -> tuple[Misfit, Array]:
+    """The problem of a fit and its vector, with its records seen otherwise."""
     trial = Misfit(found.plant, seen, fixed)
-    return refine(trial, trial.vector(found.plant, found.misfit.memories(found.vector, trial.n_memory)))
+    return trial, trial.vector(found.plant, found.misfit.memories(found.vector, trial.n_memory))
 
 
 def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
@@ -60,9 +60,8 @@ def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
         return None
     seen = without_rests(misfit.observations)
     # Beside a refit what falls has to be what stood there: fewer rows let a plant bend to what passes on less noise.
-    trial, x = misfit.onto(found.plant, x, seen, fixed)
-    stays = result_of(trial, x).error > _STOOD_THERE * found.error
-    return None if stays or _seen_as(seen, found, fixed).error > _SHARPER * found.error else seen
+    stays = result_of(*misfit.onto(found.plant, x, seen, fixed)).error > _STOOD_THERE * found.error
+    return None if stays or refine(*_onto(seen, found, fixed)).error > _SHARPER * found.error else seen
 
 
 def _rests_press(misfit: Misfit, x: Array) -> bool:
@@ -89,8 +88,8 @@ def _as_time_steps(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     enough = max(_EARNED * left, _STEPS_SHARE * (left - squared(found.floor_rows)))
 
     def left_in(late: int, ahead: tuple[int, int]) -> float:
-        again = _seen_as(in_steps(misfit.observations, late, ahead), found, fixed)
-        return again.misfit.cost(again.vector)
+        trial, there = _onto(in_steps(misfit.observations, late, ahead), found, fixed)
+        return trial.cost(refined(trial, there, below=left - enough))
 
     if known:  # found while the fit was still far off
         tried = {known: left}
