@@ -25,7 +25,7 @@ from .judgement import AT_FLOOR
 from .observe import driven, observe
 from .paths import searched
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, part, silent
 from .refine import finished
 from .remainder import describe, loudest
 from .score import Score, relative_error
@@ -207,7 +207,7 @@ def diagnose(
                         f"{type(runs).__name__} given")
     for name in without:
         effects.find(name)
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     if not runs.fit:
         raise DataError('no fit records; mark some with use = "fit"')
     if candidates and runs.controller:
@@ -220,11 +220,11 @@ def diagnose(
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
     search = Search(seen, select, start, without)
-    law_said, late = searched(search, plant is None, lambda done, message: report(0.02 + 0.88 * done, message))
+    law_said, late = searched(search, plant is None, part(report, 0.02, 0.9))
     if plant is None and not search.at_floor and all(isinstance(o, FrfObservation) for o in seen):
         for law in choices(start)[1:]:
             other = Search(seen, select, with_law(start, law), without)
-            _, other_late = searched(other, False, lambda done, message: report(0.9, message))
+            _, other_late = searched(other, False, part(report, 0.9, 0.9))
             if better := much_better(search, other, law.name):
                 search, late, law_said = other, other_late, better
 

@@ -14,7 +14,7 @@ from .fit_result import FitResult
 from .linear_model import cross_validated
 from .observe import Data, driven, observe
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, silent
 from .refine import finished
 
 COUNTS = (1, 2, 3, 4, 6, 8)
@@ -45,7 +45,7 @@ def choose_elements(
     """
     if "gms" not in plant or "stiffness" not in plant["gms"].unset:
         raise ModelError("the number of elements is chosen for gms friction whose stiffness has no value yet")
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     driven(plant, data).expect_names(fixed)
     observations = observe(data, plant.inertia)
     found: list[tuple[FitResult, float, float]] = []

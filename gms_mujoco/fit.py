@@ -20,7 +20,7 @@ from .least_squares import nudge
 from .misfit import Misfit
 from .observe import Data, driven, observe
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, silent
 from .refine import finish, refined, to_end
 from .rough import begun, best_start
 from .screen import Screen
@@ -85,7 +85,7 @@ def fit(
         ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, or it
             takes a goal and the data have torques, or the other way round.
     """
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
@@ -156,7 +156,7 @@ def _from_the_data(
     below: float = math.inf,
 ) -> tuple[Misfit, Array]:
     """The fit that the best of several starts leads to, with the points of responses trusted as they deserve."""
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     if unknown := [e for e in plant.effects if is_open(e)]:
         return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)

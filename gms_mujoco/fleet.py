@@ -36,7 +36,7 @@ from .diagnose import diagnose
 from .errors import DataError, GmsError, listing
 from .fit import baseline, fit
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, part, silent
 from .record import Record
 from .score import POSITION, TORQUE, Score
 from .version import __version__
@@ -318,7 +318,7 @@ def bootstrap(
     """
     if refits < 2:
         raise GmsError(f"a bootstrap needs at least 2 refits; {refits} given")
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     folder, path = files.make_folder(out), find_sets(dataset)[0]
     if any(not isinstance(r, Record) for r in load(path, joint).fit):
         raise DataError(f"{path}: a bootstrap redraws torque residuals in time; the set has frequency responses or "
@@ -335,7 +335,7 @@ def bootstrap(
         task_of("refit", folder, path, joint, fitted.to_toml(), name=f"refit-{k:05d}", draw=(seed, k), block=block)
         for k in range(refits)
     ]
-    rows = run(tasks, _do, jobs, cluster, lambda done, message: report((1 + done * refits) / (1 + refits), message))
+    rows = run(tasks, _do, jobs, cluster, part(report, 1 / (1 + refits), 1.0))
     good = [t for t, r in zip(tasks, rows, strict=True) if r["status"] == "done"]
     if len(good) < max(refits / 2, 2):
         error = next(r["error"] for r in rows if r["status"] != "done")

@@ -14,6 +14,7 @@ from .held_out import HeldOut, p_value
 from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, left_of, takes
 from .linear_model import cross_validated
 from .plant import Plant
+from .progress import silent
 from .search import Search, Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
@@ -103,12 +104,12 @@ class FrictionLaw:
         search.start = with_law(search.start, trial.law)
         search.false.clear()
         if any(e.name not in search.start for e in trial.result.plant.effects):
-            search.first(lambda done, message: None)
+            search.first(silent)
         else:
             search.steps = [Step(None, trial.result, held_out=trial.held_out)]
             search.shape()
             if search.relogged():  # what the wrong law left was too much to see a habit of the log beside it
-                search.first(lambda done, message: None)
+                search.first(silent)
 
 
 def much_better(search: Search, other: Search, name: str) -> str:

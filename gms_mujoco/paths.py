@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .friction_law import FrictionLaw
 from .judgement import Trial, simplest
-from .progress import Progress
+from .progress import Progress, part
 from .recheck import drop_false, drop_late, exchange
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search
 
@@ -22,24 +22,21 @@ def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
     Where the noise floor is not reached that way others are gone, see `along_rivals`.
     """
     friction = FrictionLaw(search, free)
-    search.first(lambda done, message: report(0.22 * done, f"baseline: {message}"))
-    _to_its_end(search, friction, lambda done, message: report(0.22 + 0.6 * done, message))
+    search.first(part(report, 0.0, 0.22, "baseline"))
+    _to_its_end(search, friction, part(report, 0.22, 0.82))
     if not search.at_floor:
-        friction = along_rivals(search, friction, lambda done, message: report(0.82 + 0.18 * done, message))
+        friction = along_rivals(search, friction, part(report, 0.82, 1.0))
     return friction.said, drop_late(search)
 
 
 def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS) -> None:
     """Goes on to where nothing more earns its place, or there are `most` effects."""
     for k in range(MOST_ROUNDS):
-        lower, width = k / MOST_ROUNDS, 1 / MOST_ROUNDS
         law = friction.better()
         if law is not None and law.clear:
             friction.take(law)
             continue
-        if len(search.steps) <= most and search.add_one(
-            lambda done, message, a=lower, b=width: report(a + b * done, message)  # type: ignore[misc]
-        ):
+        if len(search.steps) <= most and search.add_one(part(report, k / MOST_ROUNDS, (k + 1) / MOST_ROUNDS)):
             if law is not None and law.held_out.total < search.held_out.total:
                 friction.take(law)
             else:
@@ -48,7 +45,7 @@ def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: i
         if law is not None:
             friction.take(law)
             continue
-        report(lower + width, "checking the order")
+        report((k + 1) / MOST_ROUNDS, "checking the order")
         if not drop_false(search):
             break
     else:

@@ -14,6 +14,21 @@ _WIDTH = 24
 _REDRAW = 0.1  # s
 
 
+def silent(done: float, message: str = "") -> None:
+    """Tells nobody."""
+
+
+def part(report: Progress, begin: float, end: float, name: str = "") -> Progress:
+    """What a part of the work reports to, whose own share runs from 0 to 1.
+
+    Args:
+        report: of the whole.
+        begin, end: shares of the whole at which the part begins and ends.
+        name: of the part, before each of its messages.
+    """
+    return lambda done, message: report(begin + done * (end - begin), f"{name}: {message}" if name else message)
+
+
 class Bar:
     """Called with (share done in 0..1, message); a context manager that clears its line at the end.
 

@@ -12,7 +12,7 @@ from .frf_observation import FrfObservation, Seen
 from .least_squares import agreed, nudge, solve
 from .misfit import Misfit
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, silent
 from .servo_observation import ServoObservation
 from .starts import starts
 
@@ -30,7 +30,7 @@ def best_start(
     below: float = math.inf,
 ) -> Plant:
     """Where that of the starts leads that leaves the least after a few steps; see `fit.refine` for `below`."""
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     led: list[tuple[float, Plant]] = []
     some = fewer(observations)
     candidates = starts(plant, some)

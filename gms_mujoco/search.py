@@ -49,7 +49,7 @@ from .judgement import (
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
-from .progress import Progress
+from .progress import Progress, silent
 from .reading import TorqueReading, rung
 from .refine import refine
 from .screen import Candidate, Screen
@@ -259,7 +259,7 @@ class Search:
         if not earned:
             return False
         if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
-            self.first(lambda done, message: None)
+            self.first(silent)
             return True
         chosen, others = simplest(earned)
         name, result, held_out = earned[chosen]
@@ -270,7 +270,7 @@ class Search:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
         if (self.shape() and self._needless(name)) or self.relogged():
-            self.first(lambda done, message: None)
+            self.first(silent)
         return True
 
     def _earns(self, trial: Trial) -> bool:
@@ -347,7 +347,7 @@ class Search:
             self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
             self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
             if self.shape() and (self._needless(first) or self._needless(second)):
-                self.first(lambda done, message: None)
+                self.first(silent)
         return earned
 
     def _needless(self, name: str) -> bool:

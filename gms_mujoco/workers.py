@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from . import files
 from .errors import GmsError
-from .progress import Progress
+from .progress import Progress, silent
 from .threads import alone, one_blas_thread
 
 RESULT = "result.json"
@@ -63,7 +63,7 @@ def run(
     Raises:
         GmsError: joblib or dask is not installed, the cluster does not answer.
     """
-    report = progress or (lambda done, message: None)
+    report = progress or silent
     rows = {t.name: row for t in tasks if (row := _finished(t)) is not None}
     todo = [t for t in tasks if t.name not in rows]
     failures = 0

@@ -1,6 +1,5 @@
 """The command line: what it writes is whole, and a user's mistake is one line and exit code 2."""
 
-import io
 import json
 import os
 import subprocess
@@ -21,7 +20,6 @@ from gms_mujoco.excitation import Excitation
 from gms_mujoco.frf import estimate_frf
 from gms_mujoco.frf_table import from_table
 from gms_mujoco.plant import Plant
-from gms_mujoco.progress import Bar
 from gms_mujoco.simulate import simulate
 
 ROBOT = """<mujoco><worldbody><body>
@@ -278,15 +276,6 @@ def test_interrupting_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: p
 def test_json_is_strict() -> None:
     text = cli.as_json({"a": float("nan"), "b": [1.0, float("inf")], "c": (True, "x")})
     assert json.loads(text) == {"a": None, "b": [1.0, None], "c": [True, "x"]}
-
-
-def test_progress_draws_only_for_someone_who_watches() -> None:
-    for force in (False, True):
-        stream = io.StringIO()
-        with Bar(stream, force) as bar:
-            for k in range(101):
-                bar(k / 100, "fitting")
-        assert ("100 %" in stream.getvalue() and stream.getvalue().endswith("\x1b[K")) == force
 
 
 def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
