@@ -414,11 +414,13 @@ class Observation:
             skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
         """
         known = self._applied
-        if plant.drive not in known:
+        seen = known.get(plant.drive)
+        if seen is None:
+            seen = tuple(map(self.band, self._shifted(self._mean_torque(plant))))
             if len(known) > 4:  # a fit tries many, one after another and a few at a time
                 known.clear()
-            known[plant.drive] = tuple(map(self.band, self._shifted(self._mean_torque(plant))))
-        torque, rate, bend = known[plant.drive]
+            known[plant.drive] = seen
+        torque, rate, bend = seen
         return torque - skew * rate + skew**2 / 2 * bend if skew else torque
 
     @cached_property
