@@ -113,23 +113,23 @@ def fit_observations(
     plant: Plant,
     observations: Sequence[Seen],
     fixed: Collection[str] = (),
-    progress: Progress | None = None,
+    report: Progress = silent,
     below: float = math.inf,
 ) -> FitResult:
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
-    return result_of(*_from_the_data(plant, observations, fixed, progress, below))
+    return result_of(*_from_the_data(plant, observations, fixed, report, below))
 
 
-def fit_as_logged(plant: Plant, observations: Sequence[Seen], progress: Progress | None = None) -> FitResult:
+def fit_as_logged(plant: Plant, observations: Sequence[Seen], report: Progress = silent) -> FitResult:
     """`fit_observations`, of a log that is seen by its habits; see `as_logged`."""
-    return result_of(*_by_its_habits(plant, observations, (), progress))
+    return result_of(*_by_its_habits(plant, observations, (), report))
 
 
 def _by_its_habits(
-    plant: Plant, observations: Sequence[Seen], fixed: Collection[str], progress: Progress | None
+    plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress
 ) -> tuple[Misfit, Array]:
-    misfit, x = _from_the_data(plant, observations, fixed, progress)
+    misfit, x = _from_the_data(plant, observations, fixed, report)
     for _ in range(_HABITS):
         if not may_be_otherwise(misfit, x) or not (seen := as_logged(result_of(misfit, x), fixed=fixed)):
             break
@@ -152,11 +152,10 @@ def _from_the_data(
     plant: Plant,
     observations: Sequence[Seen],
     fixed: Collection[str],
-    progress: Progress | None = None,
+    report: Progress = silent,
     below: float = math.inf,
 ) -> tuple[Misfit, Array]:
     """The fit that the best of several starts leads to, with the points of responses trusted as they deserve."""
-    report = progress or silent
     if unknown := [e for e in plant.effects if is_open(e)]:
         return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)

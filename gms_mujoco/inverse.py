@@ -27,6 +27,7 @@ from .effect import Effect
 from .grid import Grid, Path, Sparse
 from .native import series
 from .plant import Plant
+from .recent import kept
 from .record import Record
 from .score import TORQUE
 
@@ -324,17 +325,14 @@ class Observation:
         sensors = tuple(e for e in plant.effects if e.kind == "sensor")
         if not sensors:
             return self
-        known = self._corrected
-        seen = known.get(sensors)
-        if seen is None:
+
+        def corrected() -> Observation:
             position = self.record.position
             for effect in reversed(sensors):
                 position = effect.correct(self.record.time, position)
-            seen = self.again(position)
-            if len(known) > 4:  # a fit tries many, one after another and a few at a time
-                known.clear()
-            known[sensors] = seen
-        return seen
+            return self.again(position)
+
+        return kept(self._corrected, sensors, corrected)
 
     @cached_property
     def _corrected(self) -> dict[tuple[Effect, ...], Observation]:
@@ -413,14 +411,11 @@ class Observation:
         Args:
             skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
         """
-        known = self._applied
-        seen = known.get(plant.drive)
-        if seen is None:
-            seen = tuple(map(self.band, self._shifted(self._mean_torque(plant))))
-            if len(known) > 4:  # a fit tries many, one after another and a few at a time
-                known.clear()
-            known[plant.drive] = seen
-        torque, rate, bend = seen
+
+        def banded() -> tuple[Array, ...]:
+            return tuple(map(self.band, self._shifted(self._mean_torque(plant))))
+
+        torque, rate, bend = kept(self._applied, plant.drive, banded)
         return torque - skew * rate + skew**2 / 2 * bend if skew else torque
 
     @cached_property

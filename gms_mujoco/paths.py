@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .friction_law import FrictionLaw
 from .judgement import Trial, simplest
-from .progress import Progress, part
+from .progress import Progress, part, silent
 from .recheck import drop_false, drop_late, exchange
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search
 
@@ -64,23 +64,19 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
         law = friction.beside(other)
-        _to_its_end(other, law, _silent, most)
+        _to_its_end(other, law, silent, most)
         if _names(other) in known:
             continue
         known.append(_names(other))
         if _best([search, other]):
             if len(other.steps) > most:  # there may be more to it
-                _to_its_end(other, law, _silent)
+                _to_its_end(other, law, silent)
             ends.append((other, law))
         if other.at_floor:
             break
     other, law = ends[_best([s for s, _ in ends])]
     search.become(other)
     return law
-
-
-def _silent(done: float, message: str) -> None:
-    pass
 
 
 def _names(search: Search) -> set[str]:

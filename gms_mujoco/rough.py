@@ -26,11 +26,10 @@ def best_start(
     plant: Plant,
     observations: Sequence[Seen],
     fixed: Collection[str] = (),
-    progress: Progress | None = None,
+    report: Progress = silent,
     below: float = math.inf,
 ) -> Plant:
     """Where that of the starts leads that leaves the least after a few steps; see `fit.refine` for `below`."""
-    report = progress or silent
     led: list[tuple[float, Plant]] = []
     some = fewer(observations)
     candidates = starts(plant, some)

@@ -19,6 +19,7 @@ from .grid import Grid
 from .harmonics import SAMPLES, fundamental, motion, velocity
 from .native import Joint
 from .plant import Plant
+from .recent import kept
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -116,12 +117,7 @@ class Sines(ABC):
         """(n,) fundamental that the drive delivers over that commanded."""
         if not plant.drive:
             return np.ones(len(self.frequency), complex)
-        known = self._delivered
-        if plant.drive not in known:
-            if len(known) > 4:  # a fit tries many, one after another and a few at a time
-                known.clear()
-            known[plant.drive] = self._deliver(plant.drive)
-        return known[plant.drive]
+        return kept(self._delivered, plant.drive, lambda: self._deliver(plant.drive))
 
     @cached_property
     def _delivered(self) -> dict[tuple[Effect, ...], Complex]:
