@@ -267,12 +267,9 @@ def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: He
     """At the noise floor, whether an effect takes much of the little that noise does not explain; or surely does so of
     that where the axis slides.
 
-    Of friction and mechanics alone: what filters a reading, of torque or position, passes on less of its noise.
+    Not of what stands in the path of the torque, or swings, and passes on less noise.
     """
-    added = _added(now, result)
-    if not at_floor(now, before) or len(added) != 1 or added[0].kind not in ("friction", "mechanics"):
-        return False
-    if swings(added[0]):
+    if not at_floor(now, before) or len(_added(now, result)) != 1 or _filters(now, result):
         return False
     floor, fits = min(floor_of(now), floor_of(result)), _left_by(now, result)
     falls = [(*pair, floor) for pair in ((before.total, after.total), fits)]

@@ -10,6 +10,7 @@ from bench import HEALTHY, LEVEL, J, runs
 from scipy import stats
 
 from gms_mujoco import effects, judgement
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.held_out import HeldOut
 from gms_mujoco.inverse import Observation
@@ -102,6 +103,32 @@ def test_at_the_floor_less_noise_is_no_explanation(
     assert judgement.is_worth_it(now, before, result, after) == worth
 
 
+@pytest.mark.parametrize(
+    ("effect", "worth"),
+    [
+        (effects.Cogging(harmonics=[6]), True),
+        (effects.EncoderEccentricity(amplitude=0.01), True),
+        (effects.Delay(time=1e-3), False),
+        (effects.TorqueSaturation(limit=1.0), False),
+        (effects.FlexibleCoupling(inertia=0.2, frequency=24.0, damping=0.02), False),
+    ],
+    ids=lambda p: getattr(p, "name", None),
+)
+def test_much_of_the_little_above_the_floor_is_enough_but_for_what_passes_on_less_noise(
+    monkeypatch: pytest.MonkeyPatch, effect: Effect, worth: bool
+) -> None:
+    now: Any = SimpleNamespace(plant=Plant.axis(1.0), negligible=0.0)
+    result: Any = SimpleNamespace(plant=now.plant + effect)
+    monkeypatch.setattr(judgement, "floor_of", lambda *given: 75.0)
+    monkeypatch.setattr(judgement, "_left_by", lambda *given: (100.0, 88.0))  # less than a fifth of all
+    monkeypatch.setattr(judgement, "_noise_beside", lambda *given: (75.0, 0.0))
+    monkeypatch.setattr(judgement, "_while_sliding", lambda *given: None)
+    monkeypatch.setattr(judgement, "_holds_below", lambda *given: True)
+    before: Any = SimpleNamespace(total=100.0)
+    after: Any = SimpleNamespace(total=88.0)
+    assert judgement.is_worth_it(now, before, result, after) == worth
+
+
 @pytest.mark.parametrize("floor", [10.0, 60.0], ids=["above the floor", "at the floor"])
 def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gain(
     monkeypatch: pytest.MonkeyPatch, floor: float
@@ -114,7 +141,7 @@ def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gai
     monkeypatch.setattr(judgement, "floor_of", lambda *given: floor)
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: left[misfit])
     monkeypatch.setattr(judgement, "_noise_beside", lambda *given: (0.0, 0.0))
-    monkeypatch.setattr(judgement, "takes_of_sliding", lambda *given: False)
+    monkeypatch.setattr(judgement, "_while_sliding", lambda *given: None)
     before: Any = SimpleNamespace(total=100.0)
     after: Any = SimpleNamespace(total=60.0)
     assert not judgement.is_worth_it(now, before, result, after)
