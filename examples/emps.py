@@ -15,6 +15,7 @@ from pathlib import Path
 from gms_mujoco import cli
 
 DATA = os.path.join(os.environ.get("GMS_MUJOCO_DATA", "../shared/data"), "emps")
+LOGS = "DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"
 FORCE_PER_VOLT = 35.1507  # N/V, gtau
 
 RECORD = """
@@ -29,13 +30,16 @@ scale = {{ torque = {scale} }}
 def write(folder: Path, data: Path) -> Path:
     """A measurement set of the files where they lie."""
     text = '[axis]\nkind = "slide"\n'
-    for name, use in (("DATA_EMPS.mat", "fit"), ("DATA_EMPS_PULSES.mat", "validate")):
+    for name, use in zip(LOGS, ("fit", "validate"), strict=True):
         text += RECORD.format(file=(data / name).resolve().as_posix(), use=use, scale=FORCE_PER_VOLT)
     (folder / "dataset.toml").write_text(text)
     return folder
 
 
 def main(data: str = DATA, results: str = "emps_diagnosis") -> int:
+    if not (Path(data) / LOGS[0]).is_file():
+        print(f"no {LOGS[0]} in {data}: give the folder, or set GMS_MUJOCO_DATA")
+        return 2
     with tempfile.TemporaryDirectory() as folder:
         return cli.main(["diagnose", str(write(Path(folder), Path(data))), "-o", results])
 

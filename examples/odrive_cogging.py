@@ -60,8 +60,8 @@ def map_harmonics(file: Path, most: int) -> list[int]:
 def main() -> int:
     default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "odrive_cogging"
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    if not data.is_dir():
-        print(f"no logs in {data}: give the folder, or set GMS_MUJOCO_DATA")
+    if not (data / "slow_comp_0.npy").is_file():
+        print(f"no slow_comp_0.npy in {data}: give the folder, or set GMS_MUJOCO_DATA")
         return 2
     runs = load(data)
     found = gms.diagnose(runs)

@@ -15,20 +15,18 @@ from pathlib import Path
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import Dataset
-from gms_mujoco.errors import DataError
 from gms_mujoco.progress import Bar
 from gms_mujoco.servo_observation import repeatability
 from gms_mujoco.servo_run import read_run
 
+LOGS = "sysid_sts3215_*.json"
 SOURCE = "logs of a Feetech STS3215 at 12 V by K-Scale Labs, github.com/kscalelabs/sysid, commit ea99facd7bf9"
 TIED_TO_THE_PLACE = ("cogging", "gravity", "position_dependent_friction", "spring")
 
 
 def load(folder: Path) -> Dataset:
     """Runs on the short arm to fit, each condition and its repetition side by side, and those on the long one."""
-    runs = [read_run(path) for path in sorted(folder.glob("sysid_sts3215_*.json"))]
-    if not runs:
-        raise DataError(f"{folder}: no sysid_sts3215_*.json in this folder")
+    runs = [read_run(path) for path in sorted(folder.glob(LOGS))]
     lengths = [r.inertia / r.weight for r in runs]  # the arm over the acceleration of gravity
     middle = (min(lengths) + max(lengths)) / 2
     pairs = zip(runs, lengths, strict=True)
@@ -37,7 +35,11 @@ def load(folder: Path) -> Dataset:
 
 def main() -> int:
     default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "sts3215"
-    runs = load(Path(sys.argv[1]) if len(sys.argv) > 1 else default)
+    data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    if not any(data.glob(LOGS)):
+        print(f"no {LOGS} in {data}: give the folder, or set GMS_MUJOCO_DATA")
+        return 2
+    runs = load(data)
     again = repeatability(runs.servos)
     if again is not None:
         print(f"a run differs from its repetition by {1e3 * again:.1f} mrad (mean absolute)")

@@ -26,6 +26,7 @@ from scipy import signal
 
 import gms_mujoco as gms
 
+LOG = "ur-20_01_22-joint_{}.csv"
 CUTOFF = 10.0  # Hz, of the filter that errors are seen through
 WHOLE = 40.0  # Hz, all that the log carries
 FITTED = 0.6  # of a log
@@ -41,7 +42,7 @@ columns = {{ time = 0, position = {q}, current = {i}, load = {tau} }}
 
 def load(data: Path, joint: int) -> gms.Dataset:
     """The log of one joint; columns are time, six positions, speeds, currents, commanded currents and torques."""
-    file = (data / f"ur-20_01_22-joint_{joint}.csv").resolve().as_posix()
+    file = (data / LOG.format(joint)).resolve().as_posix()
     with tempfile.TemporaryDirectory() as folder:
         text = AXIS.format(file=file, q=joint, i=12 + joint, tau=24 + joint)
         (Path(folder) / "dataset.toml").write_text(text)
@@ -82,8 +83,8 @@ def line(what: str, fit: float, held_out: float) -> str:
 def main() -> int:
     default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "ur10e"
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    if not data.is_dir():
-        print(f"no logs in {data}: give the folder, or set GMS_MUJOCO_DATA")
+    if not (data / LOG.format(1)).is_file():
+        print(f"no {LOG.format(1)} in {data}: give the folder, or set GMS_MUJOCO_DATA")
         return 2
     print(f"{'current error [A]':53}fit / held out")
     for joint in (1, 2, 3):

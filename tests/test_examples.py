@@ -1,6 +1,8 @@
 """The figures that the examples print."""
 
 import re
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import arm_friction
@@ -16,6 +18,14 @@ import transfer
 import watch_arm
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+
+
+@pytest.mark.parametrize("name", ["emps", "odrive_cogging", "sts3215", "ur10e"])
+def test_an_example_without_its_logs_says_which_it_reads(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [name, str(tmp_path)])
+    assert import_module(name).main(*sys.argv[1:] if name == "emps" else ()) == 2
+    (said,) = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(rf"no \S+ in {tmp_path}: give the folder, or set GMS_MUJOCO_DATA", said)
 
 
 @pytest.mark.parametrize(("run", "turned", "speed"), [("pulse", 1.17, 15.4), ("hand_spin", 0.55, 7.6)])
