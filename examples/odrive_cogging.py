@@ -19,6 +19,7 @@ import numpy as np
 
 import gms_mujoco as gms
 
+LOGS = "slow_comp_0.npy", "slow_nocomp_0.npy"
 COUNTS = 8192
 AXIS = f"""
 [axis]
@@ -38,7 +39,7 @@ BANDWIDTH = 15.0  # Hz, above which there are only the jumps from one cogging we
 def load(data: Path) -> gms.Dataset:
     """One run with compensation to fit, one without to validate."""
     text = AXIS
-    for name, use in (("slow_comp_0.npy", "fit"), ("slow_nocomp_0.npy", "validate")):
+    for name, use in zip(LOGS, ("fit", "validate"), strict=True):
         text += RECORD.format(file=(data / name).resolve().as_posix(), use=use)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "dataset.toml").write_text(text)
@@ -60,8 +61,8 @@ def map_harmonics(file: Path, most: int) -> list[int]:
 def main() -> int:
     default = Path(os.environ.get("GMS_MUJOCO_DATA", "../shared/data")) / "odrive_cogging"
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    if not (data / "slow_comp_0.npy").is_file():
-        print(f"no slow_comp_0.npy in {data}: give the folder, or set GMS_MUJOCO_DATA")
+    if not (data / LOGS[0]).is_file():
+        print(f"no {LOGS[0]} in {data}: give the folder, or set GMS_MUJOCO_DATA")
         return 2
     runs = load(data)
     found = gms.diagnose(runs)

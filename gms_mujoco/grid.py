@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import native
 from .native import series
+from .recent import kept
 from .record import Record
 
 Array = NDArray[np.float64]
@@ -65,9 +66,10 @@ class Grid:
 
     def path(self, record: Record, position: Array, velocity: Array) -> Path:
         """The motion of these positions and velocities (n,), cubic between samples; other signals run straight."""
-        known = self._paths.get(id(position))
-        if known is not None and known[0] is position:
-            return known[1]
+        # What is kept holds its positions, so that none has the address of another.
+        return kept(self._paths, id(position), lambda: (position, self._path(record, position, velocity)))[1]
+
+    def _path(self, record: Record, position: Array, velocity: Array) -> Path:
         k, u = self._place
         h, w = record.sample_time, 1 - u
         moved, a, b = position[k + 1] - position[k], velocity[k], velocity[k + 1]
@@ -76,11 +78,7 @@ class Grid:
         load, temperature = (
             None if x is None else w * x[k] + u * x[k + 1] for x in map(record.get, ("load", "temperature"))
         )
-        path = Path(w * record.time[k] + u * record.time[k + 1], place, speed, load, temperature)
-        if len(self._paths) > 4:
-            self._paths.clear()
-        self._paths[id(position)] = position, path
-        return path
+        return Path(w * record.time[k] + u * record.time[k + 1], place, speed, load, temperature)
 
     def mean(self, torque: Array) -> Array:
         """(n, ...) what `native.Joint.mean` says of torques (N, ...) that run straight between the instants."""

@@ -29,7 +29,7 @@ def best_start(
     report: Progress = silent,
     below: float = math.inf,
 ) -> Plant:
-    """Where that of the starts leads that leaves the least after a few steps; see `fit.refine` for `below`."""
+    """Where that of the starts leads that leaves the least after a few steps; see `refine.refine` for `below`."""
     led: list[tuple[float, Plant]] = []
     some = fewer(observations)
     candidates = starts(plant, some)
