@@ -147,13 +147,14 @@ class Coordinates:
             parts.append(b.encode(value))
         return np.concatenate(parts) if parts else np.empty(0)
 
-    def values(self, x: Array) -> dict[str, Array]:
-        """The values of each free parameter, by label of the parameter."""
+    def values(self, x: Array, effect: str | None = None) -> dict[str, Array]:
+        """The values of each free parameter, by label of the parameter; of one effect ("": the inertia), or of all."""
         out, at = {}, 0
         for b in self.blocks:
-            out[b.label] = b.decode(x[at : at + b.size])
-            if b.scale == "above":
-                out[b.label] = out[b.label] + self._bound(b, out)
+            if effect in (None, b.effect):
+                out[b.label] = b.decode(x[at : at + b.size])
+                if b.scale == "above":
+                    out[b.label] = out[b.label] + self._bound(b, out)
             at += b.size
         return out
 
@@ -161,11 +162,19 @@ class Coordinates:
         fixed = self.template[block.effect].values[block.parameter.at_least]
         return values.get(block.reference, np.atleast_1d(np.asarray(fixed)))
 
-    def decode(self, x: Array) -> Plant:
-        """The plant at these coordinates."""
-        values, plant = self.values(x), self.template
+    def decode(self, x: Array, beside: tuple[Plant, str] | None = None) -> Plant:
+        """The plant at these coordinates.
+
+        Args:
+            x: (size,).
+            beside: a plant that is there already but for one effect ("": the inertia), and the name of that.
+        """
+        plant, only = beside or (self.template, None)
+        values = self.values(x, only)
         changed: dict[str, dict[str, object]] = {}
         for b in self.blocks:
+            if only not in (None, b.effect):
+                continue
             value = values[b.label]
             if not b.effect:
                 plant = replace(plant, inertia=float(value[0]))

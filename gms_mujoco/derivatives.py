@@ -12,7 +12,7 @@ from .frf_observation import Together
 from .inverse import Observation
 from .native import Joint
 from .plant import Plant
-from .threads import each
+from .threads import at_hand, each
 
 if TYPE_CHECKING:
     from .misfit import Misfit
@@ -35,7 +35,8 @@ def jacobian(misfit: Misfit, x: Array, wanted: NDArray[np.bool_], steps: Array) 
     out = np.zeros((misfit.size, sum(lengths))).T  # column after column, as they are made
     around = _Around(misfit, x, steps, both)
     parts = np.split(out, np.cumsum(lengths)[:-1])
-    each(lambda k: around.fill(k, wanted, parts[k]), range(len(lengths)))
+    todo = [(k, *some) for k in range(len(parts)) for some in around.shared_out(k, wanted)]
+    each(lambda t: around.fill(*t, parts[t[0]]), todo)
     out[:, ~wanted] = 0
     return out
 
@@ -64,25 +65,45 @@ class _Around:
         if column >= self.misfit.coordinates.size:
             return there, self.here
         if (column, side) not in self._plants:
-            self._plants[column, side] = self.misfit.plant(there)
+            coordinates = self.misfit.coordinates
+            beside = self.here, self._owners[column]
+            self._plants[column, side] = coordinates.decode(there[: coordinates.size], beside)
         return there, self._plants[column, side]
 
-    def fill(self, k: int, wanted: NDArray[np.bool_], rows: Array) -> None:
-        """Fills in the columns (m_k, size) of piece k."""
-        misfit, (i, o) = self.misfit, self.misfit.pieces[k]
+    def shared_out(self, k: int, wanted: NDArray[np.bool_]) -> list[tuple[str | None, list[int]]]:
+        """The columns of piece k, by the effect that they belong to ("": the inertia; None: the skew); in halves where
+        there are fewer pieces than threads."""
+        misfit, (i, _) = self.misfit, self.misfit.pieces[k]
         n, common, (begin, end) = misfit.coordinates.size, misfit.n_common, misfit.states(i)
-        own: dict[str, list[int]] = {}
+        own: dict[str | None, list[int]] = {}
         for column in map(int, np.flatnonzero(wanted)):
             if column < n or begin <= column < end:  # not the state before another observation
                 own.setdefault(self._owners[column if column < n else n + column - begin], []).append(column)
             elif column < common:
-                skew, step = misfit.skew(self.x), self.steps[column]
-                rows[:, column] = (o.applied(self.here, skew + step) - o.applied(self.here, skew)) / step
-        for name, columns in own.items():
-            if name and self.here[name].is_native and isinstance(o, Observation | Together):
-                _OfEffect(self, k, i, o, name, columns).fill(rows)
-            else:
-                self._one_by_one(k, name, columns, rows)
+                own[None] = [column]
+        if len(misfit.pieces) >= at_hand():
+            return list(own.items())
+        return [(name, half) for name, columns in own.items() for half in self._halves(name, columns) if half]
+
+    def _halves(self, name: str | None, columns: list[int]) -> tuple[list[int], list[int]]:
+        """The columns of an effect in two parts that take about as long, those of its elements together."""
+        n, middle = self.misfit.coordinates.size, len(columns) // 2
+        if not name or not self.here[name].separable:
+            return columns[:middle], columns[middle:]
+        one = [b.parameter.per_element for b in self.misfit.coordinates.blocks for _ in range(b.size)]
+        apart = [c for c in columns if c >= n or one[c]]
+        return apart, [c for c in columns if c not in apart]
+
+    def fill(self, k: int, name: str | None, columns: list[int], rows: Array) -> None:
+        """Fills in some columns of those (m_k, size) of piece k, which belong to one effect, see `shared_out`."""
+        i, o = self.misfit.pieces[k]
+        if name is None:
+            skew, step = self.misfit.skew(self.x), self.steps[columns[0]]
+            rows[:, columns[0]] = (o.applied(self.here, skew + step) - o.applied(self.here, skew)) / step
+        elif name and self.here[name].is_native and isinstance(o, Observation | Together):
+            _OfEffect(self, k, i, o, name, columns).fill(rows)
+        else:
+            self._one_by_one(k, name, columns, rows)
 
     def _one_by_one(self, k: int, name: str, columns: list[int], rows: Array) -> None:
         misfit, grid = self.misfit, self.grids[k]

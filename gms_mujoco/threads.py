@@ -39,6 +39,11 @@ def count() -> int:
     return int(given)
 
 
+def at_hand() -> int:
+    """How many threads `each` uses here: one on a thread that is at work for it already."""
+    return 1 if getattr(_inside, "busy", False) else count()
+
+
 @cache
 def _pool(n: int, process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(n, "gms_mujoco")
@@ -80,7 +85,7 @@ def one_blas_thread() -> Iterator[None]:
 def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
     """function(item) of every item, in their order; one after the other where this runs on such a thread already."""
     todo = list(items)
-    n = 1 if len(todo) < 2 or getattr(_inside, "busy", False) else count()
+    n = 1 if len(todo) < 2 else at_hand()
     if n == 1:
         return [function(item) for item in todo]
 

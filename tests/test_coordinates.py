@@ -1,6 +1,7 @@
 """Coordinates: the same plant back, and never one that is not allowed, for every effect of the catalogue."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,19 @@ def test_the_same_plant_comes_back(name: str, data: st.DataObject) -> None:
     before, after = plant.numbers(), again.numbers()
     for label, (value, _) in before.items():
         assert after[label][0] == pytest.approx(value, rel=1e-9, abs=1e-12), label
+
+
+@every_effect
+@settings(max_examples=10, deadline=None)
+@given(data=st.data())
+def test_a_plant_beside_another_is_that_of_its_coordinates(name: str, data: st.DataObject) -> None:
+    other = effects.find("viscous" if name == "spring" else "spring")()
+    plant = replace(data.draw(some_plant(name)), inertia_known=False) + other
+    coordinates = Coordinates(plant)
+    x = coordinates.encode(plant)
+    here, owners = coordinates.decode(x), [b.effect for b in coordinates.blocks for _ in range(b.size)]
+    for owner, moved in zip(owners, np.clip(x + 1e-3 * np.eye(len(x)), *coordinates.bounds), strict=True):
+        assert coordinates.decode(moved, (here, owner)) == coordinates.decode(moved)
 
 
 @every_effect

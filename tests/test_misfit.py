@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bench import HEALTHY, LEVEL, J, rms, runs
 
-from gms_mujoco import effects
+from gms_mujoco import effects, threads
 from gms_mujoco.least_squares import _normal
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -50,6 +50,20 @@ def test_derivatives_are_those_of_the_whole_residual(problem: tuple[Misfit, np.n
         slope = (_on_one_grid(misfit, x, there) - _on_one_grid(misfit, x, x)) / step
         # Where an element just slips or just does not its torque jumps, and the derivative keeps out of that.
         assert np.quantile(np.abs(jacobian[:, column] - slope), 0.9) <= 0.02 * rms(slope), label
+
+
+@pytest.mark.parametrize("records", [1, 2])
+def test_derivatives_are_the_same_to_the_last_bit_however_they_are_shared_out(
+    records: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    misfit = Misfit(MANY, observe(runs(HEALTHY, seconds=1.5)[:records], J))
+    x = misfit.vector(MANY)
+    made = []
+    for n in ("1", "3"):
+        monkeypatch.setenv(threads.VARIABLE, n)
+        made.append(misfit.jacobian(x))
+    assert made[0].any()
+    np.testing.assert_array_equal(*made)
 
 
 def test_only_the_columns_asked_for_are_made(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
