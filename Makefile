@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: build test lint types docs check clean
+.PHONY: build test slow lint types docs check clean
 
 build:  ## virtual environment with the package as it stands in this tree
 	$(PYTHON) -m venv .venv
@@ -10,6 +10,9 @@ build:  ## virtual environment with the package as it stands in this tree
 
 test:
 	$(BIN)/pytest
+
+slow:  ## what `test` leaves out: long diagnoses, and logs that others measured where they are at hand
+	$(BIN)/pytest -m slow
 
 lint:
 	$(BIN)/ruff check .

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -36,6 +37,11 @@ HIDDEN: dict[str, Effect] = {
 
 # Lowest and highest frequency of the torque [Hz], and its rms in friction levels: pre-sliding, break-away, turning.
 REGIMES = ((1.0, 60.0, 0.4), (0.5, 40.0, 1.5), (0.3, 15.0, 4.0))
+
+
+def slow(*values: object) -> list[object]:
+    """Values of a parameter of a test that the usual run leaves out."""
+    return [pytest.param(value, marks=pytest.mark.slow) for value in values]
 
 
 def run(plant: Plant, torque: np.ndarray, seed: int = 0, sample_time: float = SAMPLE_TIME, **bench: object) -> Record:

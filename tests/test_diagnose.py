@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, runs, slow
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -271,8 +271,7 @@ def test_there_must_be_something_to_fit() -> None:
         diagnose(replace(runs, records=runs.validate))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["null", "cogging", "asymmetric_friction", "delay"])
+@pytest.mark.parametrize("name", ["null", *slow("cogging", "asymmetric_friction", "delay")])
 def test_practice_sets(practice: Path, name: str) -> None:
     """Axes that others simulated, with all their regimes; the truth stands beside the records."""
     truth = json.loads((practice / name / "truth.json").read_text())["effects"]
@@ -305,7 +304,15 @@ MODULATING = {
 }
 
 
-@pytest.mark.parametrize("name, form", [(name, form) for name in MODULATING for form in FORMS[name]], ids=str)
+@pytest.mark.parametrize(
+    "name, form",
+    [
+        pytest.param(name, form, marks=[pytest.mark.slow] * (form != FORMS[name][-1]))
+        for name in MODULATING
+        for form in FORMS[name]
+    ],
+    ids=str,
+)
 def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
     d = diagnose(dataset(HEALTHY + MODULATING[name].replace(**form)), UNKNOWN)
     assert [e.name for e in d] == [name]

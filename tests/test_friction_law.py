@@ -6,7 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs, slow
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -29,6 +29,7 @@ BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e
 CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
     coulomb=LEVEL, static=5.5e-3, stribeck_velocity=3.0, creep_velocity=0.3
 )  # fmt: skip
+AND_WHAT_IT_HIDES = pytest.mark.parametrize("hidden", ["", *slow("cogging")])
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> Non
     assert d.steps[0].validate_error <= 1.3 * d.noise_floor
 
 
-@pytest.mark.parametrize("hidden", ["", "cogging"])
+@AND_WHAT_IT_HIDES
 def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidden: str) -> None:
     d = diagnose(dataset(CREEPS + HIDDEN[hidden] if hidden else CREEPS, SECONDS))
     assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
@@ -97,7 +98,7 @@ def by_mujoco(hidden: str) -> Dataset:
     return replace(made, records=tuple(again(r) for r in made.records))
 
 
-@pytest.mark.parametrize("hidden", ["", "cogging"])
+@AND_WHAT_IT_HIDES
 def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str) -> None:
     cogs = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
     d = diagnose(by_mujoco(cogs if hidden else ""))
@@ -173,6 +174,7 @@ def test_within_the_tolerance_of_the_floor_another_law_is_taken_where_noise_leav
     assert (better is not None and better.law.name == "lugre" and better.clear) == tried
 
 
+@pytest.mark.slow
 def test_the_law_of_a_plant_that_is_given_stays_and_the_better_one_is_told() -> None:
     d = diagnose(dataset(BRISTLE, SECONDS), UNKNOWN)
     assert "gms" in d.plant and "described by lugre in the place of gms" in d.remainder

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, J, runs
+from bench import HEALTHY, LEVEL, REGIMES, J, runs, slow
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -66,7 +66,7 @@ def test_friction_that_does_not_bend_holds_whatever_it_has_to_and_stops_the_axis
     assert found.plant["viscous"].coefficient == pytest.approx(5e-5, rel=1e-6)
 
 
-@pytest.mark.parametrize("parts", [1, 10])
+@pytest.mark.parametrize("parts", [1, *slow(10)])
 def test_what_is_hidden_behind_friction_that_does_not_bend_is_named(parts: int) -> None:
     """Where the axis rests it says nothing; a third of the torque had been left there, and a `backlash` named."""
     healthy = diagnose(rigid(parts=parts))
@@ -76,7 +76,7 @@ def test_what_is_hidden_behind_friction_that_does_not_bend_is_named(parts: int) 
     assert pushed.plant["torque_offset"].torque == pytest.approx(0.12 * LEVEL, rel=0.01)
 
 
-@pytest.mark.parametrize("parts", [1, 10])
+@pytest.mark.parametrize("parts", [*slow(1), 10])
 def test_an_encoder_does_not_hide_what_friction_that_does_not_bend_does(parts: int, tmp_path: Path) -> None:
     """Within a count nobody knows by how much it bends: a quarter of the torque was left there, and taken for noise."""
     data = rigid(parts, 0.12 * LEVEL, 2 * np.pi / 2**18)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
 
 from gms_mujoco import effects
@@ -48,6 +49,7 @@ def test_the_path_of_an_effect_that_was_passed_over_is_taken_where_it_leads_furt
     assert sorted(map(str, names(search))) == ["cogging", "torque_offset"] and search.at_floor
 
 
+@pytest.mark.slow
 def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
     hum = 0.2 * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(dataset(HEALTHY).fit[0])))
     known = dataset(HEALTHY + LEANING.replace(level=0.3))

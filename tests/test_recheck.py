@@ -33,6 +33,7 @@ def changed(runs: Dataset, torque: object) -> Dataset:
     return replace(runs, records=tuple(map(one, runs.records)))
 
 
+@pytest.mark.slow
 def test_a_torque_that_follows_the_place_late_gets_no_name_but_is_told() -> None:
     def late(r: Record) -> np.ndarray:
         velocity = np.gradient(r.position, SAMPLE_TIME)

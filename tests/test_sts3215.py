@@ -66,6 +66,7 @@ def test_the_preset_simulates_the_arm_that_was_not_fitted(logs: Dataset) -> None
     assert fitted == pytest.approx(plant.provenance["position_error"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_delay_is_the_first_that_a_servo_lacks(logs: Dataset) -> None:
     """From the first 3 s of twelve runs; the error falls on the arm that was not fitted."""
     runs = [replace(r, **{k: getattr(r, k)[:300] for k in ("time", "goal", "powered", "position")})
