@@ -9,10 +9,10 @@ build:  ## virtual environment with the package as it stands in this tree
 	$(BIN)/pip install -q '.[dev]'
 
 test:
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto
 
 slow:  ## what `test` leaves out: long diagnoses, and logs that others measured where they are at hand
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -n auto -m slow
 
 lint:
 	$(BIN)/ruff check .

@@ -49,7 +49,6 @@ VERBS = ("fit", "diagnose")
 _COLUMNS = ("name", "status", "verdict", "effects", "fit_error", "validate_error", "noise_floor", "error_unit",
             "seconds", "dataset", "joint", "error")  # fmt: skip
 _SHOWN = 40  # rows in the printed table, beside those that failed
-_LENGTH = 80  # characters of an error in the printed table
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ class Fleet:
         shown = [*self.rows[:_SHOWN], *(r for r in self.rows[_SHOWN:] if r["status"] != "done")]
         for r in shown:
             if r["status"] != "done":
-                lines.append(f"{r['name'][:32]:32} failed: {r['error'][:_LENGTH]}")
+                lines.append(f"{r['name'][:32]:32} failed: {r['error']}")
                 continue
             score = POSITION if r.get("error_unit") == POSITION.unit else TORQUE
             errors = " ".join(_told(score, r.get(k)) for k in ("fit_error", "validate_error", "noise_floor"))
