@@ -54,6 +54,12 @@ class HeldOut:
         return [float(r @ r) for r in np.split(self.rows, ends)]
 
 
+def block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:
+    """(m,) number of the block of time that each row belongs to."""
+    lengths = block_sums(observations, np.ones(sum(len(o.index) for o in observations)), BLOCK).astype(int)
+    return np.repeat(np.arange(len(lengths)), lengths)
+
+
 def p_value(before: HeldOut, after: HeldOut) -> float:
     """Of the hypothesis that what is added between the two does not help where it acts.
 

@@ -16,7 +16,7 @@ from scipy import linalg
 from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
 from .fit_result import FitResult
-from .held_out import HeldOut, p_value
+from .held_out import HeldOut, block_of_row, p_value
 from .inverse import Observation
 from .linear_model import LinearModel, determined
 from .misfit import Misfit
@@ -36,6 +36,7 @@ _MUCH = 0.4  # of what is not noise, where that is little and known no better th
 _SOME = 0.2  # of the rows, in which an axis slides, at least, for that to be judged by itself
 _MOST = 0.5  # of what is not noise there, that an effect then has to take
 _SURE = 1e-9  # p value of a fall there that is sure, however well the noise is known
+_FEW = 0.05  # of the blocks, that may hold most of what is left and say nothing of what is missing elsewhere
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
@@ -174,7 +175,7 @@ def is_worth_it(
     """
     if before.total <= now.negligible:
         return False
-    in_part = takes_of_sliding(now, before, result, after) or _takes_of_rest(now, before, result, after)
+    in_part = takes_in_part(now, before, result, after) or _takes_of_rest(now, before, result, after)
     takes_enough = in_part or _takes_of_all(now, before, result, after, share)
     return takes_enough and _holds_below(now, before, result, share)
 
@@ -234,7 +235,12 @@ def _holds_below(now: FitResult, before: HeldOut, result: FitResult, share: floa
     return takes(left, gone, 0.0, share) if drives else gone <= (1 + LEAST_GAIN) * left
 
 
-def takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
+def takes_in_part(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
+    """Whether an effect takes enough of a part of the records that what is left elsewhere should not hide it."""
+    return _takes_of_sliding(now, before, result, after) or _takes_beside_moments(now, before, result, after)
+
+
+def _takes_of_sliding(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
     """Whether an effect takes most of what noise does not explain where the axis slides, and no more is left in all.
 
     Around reversals a stiff contact leaves what its encoder does not resolve. That may be nearly all that a fit leaves,
@@ -258,9 +264,37 @@ def _while_sliding(
     slides = np.concatenate([o.slides for o in seen if isinstance(o, Observation)])
     if slides.mean() < _SOME or after.total > before.total:
         return None
-    left, gone = (HeldOut(slides * h.rows, seen) for h in (before, after))
-    floor = max(squared(r.floor_rows[slides]) for r in (now, result)) / now.misfit.delivered(now.vector)
+    return _where(slides, now, before, result, after)
+
+
+def _where(
+    rows: NDArray[np.bool_], now: FitResult, before: HeldOut, result: FitResult, after: HeldOut
+) -> tuple[HeldOut, HeldOut, float]:
+    """What two fits leave in some rows (m,), 0 elsewhere, and the squared residual that noise leaves there through the
+    louder [N^2 m^2]."""
+    left, gone = (HeldOut(rows * h.rows, h.observations) for h in (before, after))
+    floor = max(squared(r.floor_rows[rows]) for r in (now, result)) / now.misfit.delivered(now.vector)
     return left, gone, floor
+
+
+def _takes_beside_moments(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:
+    """Whether an effect surely takes its share beside the few moments that hold most of what is left, and no more is
+    left in all.
+
+    A knock, or one reversal that the law of friction misses, may outweigh all that an effect does in the rest of the
+    records, and says nothing against it. A simulated motion that is off stays off, and has no moments.
+    """
+    if at_floor(now, before) or not _added(now, result) or after.total > before.total:
+        return False
+    if not all(isinstance(o, Observation) for o in before.observations):
+        return False
+    few = np.argsort(-before.squares)[: int(_FEW * len(before.squares))]
+    if before.squares[few].sum() < before.total / 2:
+        return False
+    calm = ~np.isin(block_of_row(before.observations), few)
+    left, gone, floor = _where(calm, now, before, result, after)
+    is_above = left.total > AT_FLOOR**2 * floor
+    return is_above and takes(left.total, gone.total, floor) and p_value(left, gone) < _SURE
 
 
 def _takes_of_rest(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut) -> bool:

@@ -11,7 +11,7 @@ from scipy import linalg
 
 from .folds import folds
 from .frf_observation import Seen
-from .held_out import BLOCK, HeldOut
+from .held_out import BLOCK, HeldOut, block_of_row
 from .intervals import block_sums
 from .misfit import Misfit
 from .servo_observation import ServoObservation
@@ -62,7 +62,7 @@ class LinearModel:
         added = np.empty((len(self.residual), 0)) if columns is None else columns
         # Everything that a refit needs to know of a block is its share of the normal equations.
         both = np.column_stack([self.tangents, self._scaled(added), self.residual])
-        owner = _block_of_row(self.observations)
+        owner = block_of_row(self.observations)
         out = self.residual.copy()
         for blocks, move in self._folds(_block_grams(self.observations, both), _folds(self.observations)):
             rows = np.isin(owner, blocks)
@@ -103,7 +103,7 @@ def cross_validated(misfit: Misfit, vector: Array) -> HeldOut:
     model = LinearModel(misfit, vector, residual)
     grams = _block_grams(model.observations, np.column_stack([model.tangents, model.residual]))
     lower, upper = misfit.bounds
-    owner, out = _block_of_row(model.observations), np.empty(len(residual))
+    owner, out = block_of_row(model.observations), np.empty(len(residual))
     for blocks, move in model._folds(grams, _folds(misfit.observations)):
         best, chosen = np.inf, residual
         for share in (0.0, 0.1, 0.3, 1.0):
@@ -136,18 +136,13 @@ def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
     has not been, and runs of one condition share what is particular to it.
     """
     owner = np.repeat(np.arange(len(observations)), [len(o.index) for o in observations])
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(_block_of_row(observations))) + 1])
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(block_of_row(observations))) + 1])
     conditions = [o.condition if isinstance(o, ServoObservation) else None for o in observations]
     kinds = sorted({c for c in conditions if c is not None})
     if len(kinds) < 2:
         return folds(len(starts), FOLDS)
     return np.array([kinds.index(conditions[i]) for i in owner[starts]])
 
-
-def _block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:
-    """(m,) number of the block of time that each row belongs to."""
-    lengths = block_sums(observations, np.ones(sum(len(o.index) for o in observations)), BLOCK).astype(int)
-    return np.repeat(np.arange(len(lengths)), lengths)
 
 
 def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:

@@ -42,7 +42,7 @@ from .judgement import (
     simplest,
     swings,
     takes,
-    takes_of_sliding,
+    takes_in_part,
     with_curve,
     without,
 )
@@ -357,7 +357,7 @@ class Search:
         left = cross_validated(alone.misfit, alone.vector)
         floor = min(floor_of(alone), floor_of(last.result))
         earned = takes(left.total, last.held_out.total, floor)
-        earned = earned or takes_of_sliding(alone, left, last.result, last.held_out)
+        earned = earned or takes_in_part(alone, left, last.result, last.held_out)
         return not (earned and p_value(left, last.held_out) < FALSE_DISCOVERY_RATE)
 
     def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
