@@ -173,9 +173,8 @@ class Coordinates:
         values = self.values(x, only)
         changed: dict[str, dict[str, object]] = {}
         for b in self.blocks:
-            if only not in (None, b.effect):
+            if (value := values.get(b.label)) is None:
                 continue
-            value = values[b.label]
             if not b.effect:
                 plant = replace(plant, inertia=float(value[0]))
             else:

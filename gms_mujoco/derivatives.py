@@ -90,8 +90,8 @@ class _Around:
         n, middle = self.misfit.coordinates.size, len(columns) // 2
         if not name or not self.here[name].separable:
             return columns[:middle], columns[middle:]
-        one = [b.parameter.per_element for b in self.misfit.coordinates.blocks for _ in range(b.size)]
-        apart = [c for c in columns if c >= n or one[c]]
+        of_elements = [b.parameter.per_element for b in self.misfit.coordinates.blocks for _ in range(b.size)]
+        apart = [c for c in columns if c >= n or of_elements[c]]
         return apart, [c for c in columns if c not in apart]
 
     def fill(self, k: int, name: str | None, columns: list[int], rows: Array) -> None:
