@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import fft, stats
 
 from .frf_observation import Seen
-from .intervals import block_sums
+from .intervals import block_starts, block_sums
 from .inverse import Observation
 
 Array = NDArray[np.float64]
@@ -56,8 +56,8 @@ class HeldOut:
 
 def block_of_row(observations: Sequence[Seen]) -> NDArray[np.intp]:
     """(m,) number of the block of time that each row belongs to."""
-    lengths = block_sums(observations, np.ones(sum(len(o.index) for o in observations)), BLOCK).astype(int)
-    return np.repeat(np.arange(len(lengths)), lengths)
+    starts = block_starts(observations, BLOCK)
+    return np.repeat(np.arange(len(starts)), np.diff(starts, append=sum(len(o.index) for o in observations)))
 
 
 def p_value(before: HeldOut, after: HeldOut) -> float:

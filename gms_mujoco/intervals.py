@@ -109,16 +109,21 @@ def correlation(residual: Array) -> float:
     return float(1 + 2 * np.sum((product[1:] / product[0]) ** 2)) if product[0] > 0 else 1.0
 
 
-def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:
-    """(blocks, ...) sums of consecutive rows (m, ...), over blocks of time that end with their record [s], or of
-    neighbouring points of a frequency response."""
-    edges, start = [], 0
+def block_starts(observations: Sequence[Seen], block: float) -> NDArray[np.intp]:
+    """(blocks,) first row of each block of time, which ends with its record [s], or of neighbouring points of a
+    frequency response."""
+    starts, first = [], 0
     for o in observations:
         length = o.rows_per_block(block)
         count = max(len(o.index) // length, 1)
-        edges.append(start + length * np.arange(count))
-        start += len(o.index)
-    return np.add.reduceat(rows, np.concatenate(edges), axis=0)
+        starts.append(first + length * np.arange(count))
+        first += len(o.index)
+    return np.concatenate(starts)
+
+
+def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:
+    """(blocks, ...) sums of the rows (m, ...) of each block, see `block_starts`."""
+    return np.add.reduceat(rows, block_starts(observations, block), axis=0)
 
 
 def _root_of_inverse(a: Array) -> Array:

@@ -12,7 +12,7 @@ from scipy import linalg
 from .folds import folds
 from .frf_observation import Seen
 from .held_out import BLOCK, HeldOut, block_of_row
-from .intervals import block_sums
+from .intervals import block_starts, block_sums
 from .misfit import Misfit
 from .servo_observation import ServoObservation
 from .tall import gram, times
@@ -136,7 +136,7 @@ def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
     has not been, and runs of one condition share what is particular to it.
     """
     owner = np.repeat(np.arange(len(observations)), [len(o.index) for o in observations])
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(block_of_row(observations))) + 1])
+    starts = block_starts(observations, BLOCK)
     conditions = [o.condition if isinstance(o, ServoObservation) else None for o in observations]
     kinds = sorted({c for c in conditions if c is not None})
     if len(kinds) < 2:
@@ -144,8 +144,6 @@ def _folds(observations: Sequence[Seen]) -> NDArray[np.intp]:
     return np.array([kinds.index(conditions[i]) for i in owner[starts]])
 
 
-
 def _block_grams(observations: Sequence[Seen], columns: Array) -> Array:
     """(blocks, p, p) products of the columns, summed over each block of time."""
-    ends = np.cumsum(block_sums(observations, np.ones((len(columns), 1)), BLOCK)[:, 0].astype(int))
-    return np.stack([gram(c, c) for c in np.split(columns, ends[:-1])])
+    return np.stack([gram(c, c) for c in np.split(columns, block_starts(observations, BLOCK)[1:])])
