@@ -22,6 +22,7 @@ from .friction_law import choices, much_better, with_law, would_be_better
 from .held_out import p_value
 from .inverse import Observation
 from .judgement import AT_FLOOR
+from .moments import unbent
 from .observe import driven, observe
 from .paths import searched
 from .plant import Plant
@@ -229,9 +230,11 @@ def diagnose(
                 search, late, law_said = other, other_late, better
 
     report(0.9, "scoring the validate records")
-    ends = [*[with_covariance] * (len(search.steps) - 1), finished]  # what is kept
-    search.steps = [replace(s, result=end(s.result)) for s, end in zip(search.steps, ends, strict=True)]
-    last = search.steps[-1].result
+    kept = search.steps[-1]
+    has_moments = not search.at_floor and len(kept.held_out.moments)
+    last, moments = unbent(kept.result) if has_moments else (finished(kept.result), "")
+    search.steps = [replace(s, result=with_covariance(s.result)) for s in search.steps[:-1]]
+    search.steps.append(replace(kept, result=last))
     noise = last.noise
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
     validate = as_fitted(validate, last.plant.provenance)
@@ -246,7 +249,7 @@ def diagnose(
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
+    said = (moments, late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, said)
     if candidates:
         report(0.95, "scoring your candidates")
@@ -266,7 +269,8 @@ def _conclude(
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
     if not at_floor:
-        said = (describe(last.misfit, last.vector), "" if holds else _elsewhere(steps[-1]), *said, _other_curve(search))
+        elsewhere = "" if holds else _elsewhere(steps[-1])
+        said = (describe(last.misfit, last.vector), elsewhere, *said, _other_curve(search))
         remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]

@@ -21,6 +21,7 @@ _CORRELATED = 0.1  # autocorrelation that counts as none
 _APART = 3  # times the lag of that, over which sums are taken as independent
 _FEWEST_ROWS = 4  # in a stretch
 _ENOUGH = 8  # stretches of a record that say how loud it is by itself
+_FEW = 0.05  # of the blocks, that may hold most of what is left and say nothing of what is missing elsewhere
 _LEAST = 1e-12  # so far out the tail of a distribution says nothing
 
 
@@ -46,6 +47,14 @@ class HeldOut:
     def total(self) -> float:
         """Squared residual of all [N^2 m^2]."""
         return float(np.einsum("i,i", self.rows, self.rows))
+
+    @property
+    def moments(self) -> NDArray[np.intp]:
+        """Numbers of the few blocks that hold most of what is left; none where that is spread, or of a simulated
+        motion, which stays off where it once is."""
+        few = np.argsort(-self.squares)[: int(_FEW * len(self.squares))]
+        timed = all(isinstance(o, Observation) for o in self.observations)
+        return few[: len(few) * (timed and self.squares[few].sum() > self.total / 2)]
 
     @property
     def by_record(self) -> list[float]:

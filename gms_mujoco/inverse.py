@@ -292,9 +292,13 @@ class Observation:
         if n >= len(self.record):
             return self
         if n not in self._openings:
-            asked = None if self.asked is None else self.asked[:n]
-            self._openings[n] = replace(self, record=self.record.slice(0, n), cutoff=self._cutoff, asked=asked)
+            self._openings[n] = self.part(0, n)
         return self._openings[n]
+
+    def part(self, start: int, stop: int) -> Observation:
+        """The same observation of samples `start` to `stop` of the record."""
+        asked = None if self.asked is None else self.asked[start:stop]
+        return replace(self, record=self.record.slice(start, stop), cutoff=self._cutoff, asked=asked)
 
     @cached_property
     def _openings(self) -> dict[int, Observation]:

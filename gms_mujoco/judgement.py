@@ -36,7 +36,6 @@ _MUCH = 0.4  # of what is not noise, where that is little and known no better th
 _SOME = 0.2  # of the rows, in which an axis slides, at least, for that to be judged by itself
 _MOST = 0.5  # of what is not noise there, that an effect then has to take
 _SURE = 1e-9  # p value of a fall there that is sure, however well the noise is known
-_FEW = 0.05  # of the blocks, that may hold most of what is left and say nothing of what is missing elsewhere
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
@@ -282,16 +281,11 @@ def _takes_beside_moments(now: FitResult, before: HeldOut, result: FitResult, af
     left in all.
 
     A knock, or one reversal that the law of friction misses, may outweigh all that an effect does in the rest of the
-    records, and says nothing against it. A simulated motion that is off stays off, and has no moments.
+    records, and says nothing against it.
     """
-    if at_floor(now, before) or not _added(now, result) or after.total > before.total:
+    if at_floor(now, before) or not _added(now, result) or after.total > before.total or not len(before.moments):
         return False
-    if not all(isinstance(o, Observation) for o in before.observations):
-        return False
-    few = np.argsort(-before.squares)[: int(_FEW * len(before.squares))]
-    if before.squares[few].sum() < before.total / 2:
-        return False
-    calm = ~np.isin(block_of_row(before.observations), few)
+    calm = ~np.isin(block_of_row(before.observations), before.moments)
     left, gone, floor = _where(calm, now, before, result, after)
     is_above = left.total > AT_FLOOR**2 * floor
     return is_above and takes(left.total, gone.total, floor) and p_value(left, gone) < _SURE

@@ -18,7 +18,7 @@ from .effect import Effect
 from .fit import fit_as_logged
 from .fit_result import FitResult
 from .frf_observation import Seen
-from .friction_shape import following, more_elements, other_curve, without_idle
+from .friction_shape import SHAPE, by_the_letter, following, more_elements, other_curve, without_idle
 from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -365,17 +365,18 @@ class Search:
         return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
     def shape(self) -> bool:
-        """Gives friction another Stribeck curve and more elements where they earn it; whether the curve is another."""
+        """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
+        another reading or curve."""
         last = self.steps[-1]
         if not self.timed:
             return False
-        bent, left = other_curve(last.result, last.held_out)
+        bent, left = other_curve(*by_the_letter(last.result, last.held_out))
         result, held_out = more_elements(bent, left)
         self.steps[-1] = replace(last, result=result, held_out=held_out)
         for e in self.start.effects:
-            if "stribeck_exponent" in e.values and e.name in result.plant:
-                exponent = result.plant[e.name].values["stribeck_exponent"]
-                self.start = self.start.replace(e.replace(stribeck_exponent=exponent))
+            if e.name in result.plant:
+                chosen = result.plant[e.name].values
+                self.start = self.start.replace(e.replace(**{k: chosen[k] for k in SHAPE if k in chosen}))
         return bent is not last.result
 
     def relogged(self, share: float = EARLY_SHARE) -> bool:

@@ -192,3 +192,38 @@ def test_a_load_that_falls_after_a_reversal_does_not_break_an_element_away(parts
     unwound = 1.1 * 1.0 * 0.999e-3  # stiffness grows with the level
     assert torque[2 * parts] == pytest.approx(1.1 * FC, rel=1e-3)
     assert torque[-1] == pytest.approx(1.1 * FC - unwound, rel=1e-2)
+
+
+def letter(t, q, parts=20):
+    """Force of one element along a motion, by the equations as they stand: past its level it slips, whichever way it is
+    off; by Euler's method in `parts` steps from sample to sample."""
+    force, slips, side, out = 0.0, False, 1.0, [0.0]
+    for k in range(1, len(t)):
+        dt = (t[k] - t[k - 1]) / parts
+        v = (q[k] - q[k - 1]) / (t[k] - t[k - 1])
+        level = FC + (FS - FC) * np.exp(-abs(v) / VS)
+        for _ in range(parts):
+            if slips and v * side > 0:
+                force += 0.3 * dt * (side - force / level)
+                continue
+            slips, force = False, force + 1.0 * v * dt
+            if abs(force) >= level:
+                slips, side, force = True, np.sign(v), np.copysign(level, force)
+        out.append(force)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("step, close", [(1e-5, 1e-4), (5e-4, 5e-3)])
+def test_by_the_letter_an_element_slips_back_where_the_falling_level_overtakes_it(step, close):
+    """It has slid so slowly that it carries the static level, and turns round faster than its spring unwinds."""
+    t = np.arange(0, 1.02, step)
+    v = np.where(t < 1, 0.02, np.maximum(0.02 - 400 * (t - 1), -0.5))
+    q = np.concatenate([[0], np.cumsum(v[1:] * step)])
+    law = {"stiffness": [1.0], "fraction": [1.0], "coulomb": FC, "static": FS, "stribeck_velocity": VS}
+    sticks, slips = (
+        -(Plant.axis() + effects.GMS(**law, attraction=0.3, slips_back=back)).joint().replay(t, q, v).torque
+        for back in (0, 1)
+    )
+    reference = letter(t, q)
+    assert np.abs(slips - reference).max() < close * FS
+    assert np.abs(sticks - reference).max() > 0.3 * FS

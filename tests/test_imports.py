@@ -33,6 +33,7 @@ LAYERS = [
     {"dataset"},
     {"elements", "remainder", "custom", "goals"},
     {"reading", "judgement"},
+    {"moments"},
     {"friction_shape", "joint_fits"},
     {"search"},
     {"recheck", "friction_law"},

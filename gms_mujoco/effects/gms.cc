@@ -6,7 +6,7 @@ using gms::Level;
 using gms::Motion;
 
 enum { kForce = 0, kSlip = 1 };  // state of element i: force at 2 i, slip direction at 2 i + 1 (0: sticks)
-constexpr int kCurve = 5;  // parameters, behind those of the elements
+enum { kCurve = 5, kSlipsBack = kCurve };  // parameters, behind those of the elements
 
 int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
@@ -66,7 +66,8 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
 
 // Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
 // so that compilers take several elements at a time, and nobody has to guess what an element does.
-inline double move(const double* p, int n, const Way& way, const double* __restrict state, double* __restrict next) {
+template <bool kBack>  // by the letter: whatever is beyond its level slips
+inline double moved(const double* p, int n, const Way& way, const double* __restrict state, double* __restrict next) {
   const double *stiffness = p, *fraction = p + n;
   const Way x = way;  // `next` does not write into it
   for (int i = 0; i < n; i++) {
@@ -81,15 +82,21 @@ inline double move(const double* p, int n, const Way& way, const double* __restr
     // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
     // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
     const bool goes_on = slip == x.direction, below = stuck < lowest;
-    const bool slips = goes_on | (stuck > limit) | (x.gives_way & below);
-    const double least = below ? lowest - limit : 0, beyond = before - limit, held = below ? lowest : stuck;
-    const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
+    const bool back = kBack & !goes_on & (stuck < -limit);
+    const bool slips = goes_on | back | (stuck > limit) | (x.gives_way & below);
+    const double least = back ? -2 * limit : below ? lowest - limit : 0;
+    const double beyond = before - limit, held = below ? lowest : stuck;
+    const double over = goes_on | (!back & (beyond > least)) ? beyond : least, under = held < carried ? held - carried : 0;
     next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
     next[2 * i + kSlip] = slips ? x.direction : 0;
   }
   double total = 0;
   for (int i = 0; i < n; i++) total += next[2 * i + kForce];
   return -total;
+}
+
+inline double move(const double* p, int n, const Way& way, const double* state, double* next) {
+  return (p[2 * n + kSlipsBack] > 0 ? moved<true> : moved<false>)(p, n, way, state, next);
 }
 
 // What is dear first, for one joint after the other: nothing waits for the joint before, and nobody guesses what it does.
@@ -182,7 +189,8 @@ const gms::Effect gms_effect_gms = {
      {"static", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fs, level at zero velocity", false, "coulomb"},
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 1.0, 0.1, 10, false, false, "delta, shape of the weakening"},
-     {"attraction", "N m/s", gms::kUnset, 0, gms::kInfinity, false, true, "C, rate at which a slipping element follows s(v)"}},
+     {"attraction", "N m/s", gms::kUnset, 0, gms::kInfinity, false, true, "C, rate at which a slipping element follows s(v)"},
+     {"slips_back", "1", 0.0, 0, 1, false, false, "1: by the letter, what unwinds slips where the level overtakes it"}},
     n_state,
     n_memory,
     recall,

@@ -1,0 +1,65 @@
+"""Moments at which friction goes another way than its law says."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bench import GMS, HEALTHY, HIDDEN, J, runs
+
+from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.moments import between, refit_between, unbent
+from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
+from gms_mujoco.refine import refine
+
+STATIC = 6e-3  # N m, so far above the level of sliding that a few elements slip back
+
+
+def fitted(plant: Plant):
+    """Friction that sticks where it unwinds, fitted to runs of a plant."""
+    observations = observe(runs(plant, seconds=6.0, seed=1), J)
+    template = plant.replace(plant["gms"].replace(slips_back=0.0))
+    misfit = Misfit(template, observations)
+    return refine(misfit, misfit.vector(template))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fitted(HEALTHY.replace(GMS.replace(static=STATIC, slips_back=1.0)))
+
+
+def test_records_are_cut_where_friction_goes_another_way(found):
+    parts = between(found.misfit, found.vector)
+    whole = {o.name: o for o in found.misfit.observations}
+    assert len(parts) > len(whole) == len({o.name for o in parts})
+    for name, o in whole.items():  # no sample twice
+        t = np.concatenate([p.record.time for p in parts if p.name == name])
+        assert np.all(np.diff(t) > 0) and np.isin(t, o.record.time).all() and len(t) > 0.5 * len(o.record)
+
+
+def test_between_moments_the_plant_is_that_of_the_axis(found):
+    misfit, x = refit_between(found.misfit, found.vector)
+    bent, straight = (float(np.asarray(p["gms"].static)) / STATIC - 1 for p in (found.plant, misfit.plant(x)))
+    assert abs(straight) < 0.01 and abs(straight) < 0.5 * abs(bent)
+    assert np.sqrt(np.mean(misfit.residual(x) ** 2)) < 0.1 * np.sqrt(np.mean(found.misfit.residual(found.vector) ** 2))
+
+
+def test_a_fit_is_told_as_that_between_moments_and_when_they_begin(found):
+    assert len(cross_validated(found.misfit, found.vector).moments)
+    parts = between(found.misfit, found.vector)
+    cut = next(a for a, b in pairwise(parts) if a.name == b.name)
+    straight, said = unbent(found)
+    assert f"{cut.record.time[-1]:.2g}" in said and cut.name in said
+    assert straight.misfit.observations == found.misfit.observations
+    low, high = straight.plant.uncertainty["gms.static"]
+    assert low < STATIC < high < 1.02 * low
+    healthy = fitted(HEALTHY.replace(GMS.replace(static=STATIC)))
+    assert not len(cross_validated(healthy.misfit, healthy.vector).moments)
+
+
+def test_where_more_is_missing_the_fit_is_that_of_whole_records():
+    dragged = fitted(HEALTHY + HIDDEN["quadratic_drag"])
+    bare = refine(*dragged.misfit.onto(HEALTHY, dragged.vector))
+    whole, said = unbent(bare)
+    assert said == "" and whole.error == pytest.approx(bare.error, rel=1e-3)
