@@ -178,7 +178,9 @@ const gms::Effect gms_effect_gms = {
     "Generalized Maxwell-Slip friction: N massless elements in parallel, each a spring that slips.\n"
     "Sticking: dF_i/dt = k_i v until |F_i| reaches alpha_i s(v). Slipping: dF_i/dt = C (sgn(v) alpha_i - F_i/s(v)),\n"
     "sticking again when v changes sign, with s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta). Where the level drops, as the\n"
-    "joint speeds up, what an element that unwinds has beyond it relaxes at the rate C too; it does not slip back.\n"
+    "joint speeds up, what an element that unwinds has beyond it relaxes at the rate C too. By the letter of the law it\n"
+    "slips back there, which `slips_back` asks for: so others simulate it, but it can then give more energy than it has\n"
+    "stored, and the time step and noise decide whether it does.\n"
     "The slip equation is integrated exactly over each interval, with s taken at its mean velocity.\n"
     "Sources: Lampaert, Al-Bender and Swevers, ICPA 2003; Yoon and Trumper, Mechatronics 24 (2014).",
     "The torque error draws loops against position just after each reversal, and steps with the sign of velocity.",
@@ -190,7 +192,7 @@ const gms::Effect gms_effect_gms = {
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 1.0, 0.1, 10, false, false, "delta, shape of the weakening"},
      {"attraction", "N m/s", gms::kUnset, 0, gms::kInfinity, false, true, "C, rate at which a slipping element follows s(v)"},
-     {"slips_back", "1", 0.0, 0, 1, false, false, "1: by the letter, what unwinds slips where the level overtakes it"}},
+     {"slips_back", "1", 0.0, 0, 1, false, false, "1: what unwinds slips back where a falling level overtakes it"}},
     n_state,
     n_memory,
     recall,
