@@ -270,7 +270,7 @@ def _conclude(
     remainder = ""
     if not at_floor:
         elsewhere = "" if holds else _elsewhere(steps[-1])
-        said = (describe(last.misfit, last.vector), elsewhere, *said, _other_curve(search))
+        said = (describe(last.misfit, last.vector), *said, elsewhere, _other_curve(search))
         remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]

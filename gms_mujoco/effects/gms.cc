@@ -96,7 +96,8 @@ inline double moved(const double* p, int n, const Way& way, const double* __rest
 }
 
 inline double move(const double* p, int n, const Way& way, const double* state, double* next) {
-  return (p[2 * n + kSlipsBack] > 0 ? moved<true> : moved<false>)(p, n, way, state, next);
+  if (p[2 * n + kSlipsBack] > 0) return moved<true>(p, n, way, state, next);
+  return moved<false>(p, n, way, state, next);
 }
 
 // What is dear first, for one joint after the other: nothing waits for the joint before, and nobody guesses what it does.
