@@ -69,7 +69,9 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    if "gms" not in now.plant or now.plant["gms"].slips_back or at_floor(now, left) or not len(left.moments):
+    if "gms" not in now.plant or now.plant["gms"].slips_back:
+        return now, left
+    if at_floor(now, left) or not len(left.moments(floor_of(now))):
         return now, left
     calm, x = refit_between(now.misfit, now.vector)
     plant = calm.plant(x)

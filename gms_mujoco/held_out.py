@@ -48,13 +48,17 @@ class HeldOut:
         """Squared residual of all [N^2 m^2]."""
         return float(np.einsum("i,i", self.rows, self.rows))
 
-    @property
-    def moments(self) -> NDArray[np.intp]:
+    def moments(self, noise: float = 0.0) -> NDArray[np.intp]:
         """Numbers of the few blocks that hold most of what is left; none where that is spread, or of a simulated
-        motion, which stays off where it once is."""
+        motion, which stays off where it once is.
+
+        Args:
+            noise: squared residual that is none of it [N^2 m^2].
+        """
         few = np.argsort(-self.squares)[: int(_FEW * len(self.squares))]
         timed = all(isinstance(o, Observation) for o in self.observations)
-        return few[: len(few) * (timed and self.squares[few].sum() > self.total / 2)]
+        most = self.squares[few].sum() - _FEW * noise > (self.total - noise) / 2
+        return few[: len(few) * (timed and most)]
 
     @property
     def by_record(self) -> list[float]:

@@ -46,7 +46,7 @@ def test_between_moments_the_plant_is_that_of_the_axis(found):
 
 
 def test_a_fit_is_told_as_that_between_moments_and_when_they_begin(found):
-    assert len(cross_validated(found.misfit, found.vector).moments)
+    assert len(cross_validated(found.misfit, found.vector).moments())
     parts = between(found.misfit, found.vector)
     cut = next(a for a, b in pairwise(parts) if a.name == b.name)
     straight, said = unbent(found)
@@ -55,7 +55,7 @@ def test_a_fit_is_told_as_that_between_moments_and_when_they_begin(found):
     low, high = straight.plant.uncertainty["gms.static"]
     assert low < STATIC < high < 1.02 * low
     healthy = fitted(HEALTHY.replace(GMS.replace(static=STATIC)))
-    assert not len(cross_validated(healthy.misfit, healthy.vector).moments)
+    assert not len(cross_validated(healthy.misfit, healthy.vector).moments())
 
 
 def test_where_more_is_missing_the_fit_is_that_of_whole_records():
