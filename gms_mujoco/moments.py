@@ -38,8 +38,8 @@ def between(misfit: Misfit, x: Array) -> list[Observation]:
 
 
 def refit_between(misfit: Misfit, x: Array) -> tuple[Misfit, Array]:
-    """The same fit to the records between their moments."""
-    calm = Misfit(misfit.plant(x), between(misfit, x))
+    """The same fit to the records between their moments; to whole ones where nothing is left of them."""
+    calm = Misfit(misfit.plant(x), between(misfit, x) or misfit.observations)
     return calm, refined(calm, calm.vector(calm.coordinates.template, skew=misfit.skew(x)))
 
 
@@ -54,7 +54,7 @@ def unbent(found: FitResult) -> tuple[FitResult, str]:
         return finished(found), ""
     whole, x = found.misfit.onto(calm.plant, found.vector)
     there = result_of(whole, whole.settle(x))
-    plant = replace(there.plant, uncertainty=calm.plant.uncertainty, covariance=calm.plant.covariance)
+    provenance = {**calm.plant.provenance, **there.plant.provenance}
     begins = _begins(found.misfit, found.vector)
     when = [f"{o.record.time[i]:.3g} s in {o.name}" for o, samples, _ in begins for i in samples]
     more = f" and {len(when) - _NAMED} times more" if len(when) > _NAMED else ""
@@ -63,14 +63,14 @@ def unbent(found: FitResult) -> tuple[FitResult, str]:
         f"its law until it has slipped again; between them, where the plant was fitted, {100 * calm.error:.2g} % is "
         f"left, with a noise floor of {100 * calm.floor:.2g} %"
     )
-    return replace(there, plant=plant), said
+    return replace(there, plant=replace(calm.plant, provenance=provenance)), said
 
 
 def _begins(misfit: Misfit, x: Array) -> Iterator[tuple[Observation, NDArray[np.intp], int]]:
     """Of each record the samples at which what is left begins to be loud, and the length of the blocks that say so."""
     for o, r in zip(misfit.observations, np.split(misfit.residual(x), misfit.splits), strict=True):
         assert isinstance(o, Observation)
-        rows = o.rows_per_block(_BLOCK / o.bandwidth)
+        rows = min(o.rows_per_block(_BLOCK / o.bandwidth), len(r))
         n = len(r) // rows
         left = np.sqrt(np.mean(r[: n * rows].reshape(n, rows) ** 2, 1))
         loud = left > _LOUD * np.median(left)
