@@ -21,8 +21,8 @@ from .frf_observation import FrfObservation, Seen
 from .friction_law import choices, much_better, with_law, would_be_better
 from .held_out import p_value
 from .inverse import Observation
-from .judgement import AT_FLOOR, floor_of
-from .moments import unbent
+from .judgement import AT_FLOOR
+from .moments import has_moments, unbent
 from .observe import driven, observe
 from .paths import searched
 from .plant import Plant
@@ -231,8 +231,8 @@ def diagnose(
 
     report(0.9, "scoring the validate records")
     kept = search.steps[-1]
-    has_moments = not search.at_floor and len(kept.held_out.moments(floor_of(kept.result)))
-    last, moments = unbent(kept.result) if has_moments else (finished(kept.result), "")
+    bends = has_moments(kept.result, kept.held_out)
+    last, moments = unbent(kept.result) if bends else (finished(kept.result), "")
     search.steps = [replace(s, result=with_covariance(s.result)) for s in search.steps[:-1]]
     search.steps.append(replace(kept, result=last))
     noise = last.noise

@@ -15,7 +15,7 @@ from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
-from .moments import refit_between
+from .moments import has_moments, refit_between
 from .placement import parted
 from .refine import fit_to_end, refine
 from .scales import Scales
@@ -69,9 +69,7 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    if "gms" not in now.plant or now.plant["gms"].slips_back:
-        return now, left
-    if at_floor(now, left) or not len(left.moments(floor_of(now))):
+    if "gms" not in now.plant or now.plant["gms"].slips_back or not has_moments(now, left):
         return now, left
     calm, x = refit_between(now.misfit, now.vector)
     plant = calm.plant(x)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fit_result import FitResult, result_of
+from .held_out import HeldOut
 from .inverse import Observation
-from .judgement import AT_FLOOR
+from .judgement import AT_FLOOR, at_floor, floor_of
 from .misfit import Misfit
 from .refine import finish, finished, refined
 
@@ -21,6 +22,11 @@ _LOUD = 4.0  # times what is left of most blocks
 _AFTER = 2  # blocks from there on that are left out
 _NAMED = 4  # moments
 _SHORTEST = 8  # blocks that tell more than the state they begin with
+
+
+def has_moments(now: FitResult, left: HeldOut) -> bool:
+    """Whether few blocks hold most of what a fit leaves above the noise, of what it leaves on held-out blocks."""
+    return not at_floor(now, left) and len(left.moments(floor_of(now))) > 0
 
 
 def between(misfit: Misfit, x: Array) -> list[Observation]:

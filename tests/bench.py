@@ -10,8 +10,12 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
 from gms_mujoco.excitation import multisine
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.misfit import Misfit
+from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.refine import refine
 from gms_mujoco.simulate import simulate
 
 J = 2.4e-5  # kg m^2
@@ -60,6 +64,13 @@ def runs(plant: Plant, use: str = "fit", seconds: float = 3.0, seed: int = 0, **
         noise = int(rng.integers(2**31))
         out.append(run(plant, torque, noise, position=start, name=f"{use}_{i}", use=use, **bench))
     return out
+
+
+def fitted_sticking(plant: Plant, seed: int) -> FitResult:
+    """Friction that does not slip back, fitted to runs of a plant whose friction does or does not."""
+    template = plant.replace(plant["gms"].replace(slips_back=0.0))
+    misfit = Misfit(template, observe(runs(plant, seconds=6.0, seed=seed), J))
+    return refine(misfit, misfit.vector(template))
 
 
 def dataset(plant: Plant, seconds: float = 3.0, select: bool = False, **bench: object) -> Dataset:

@@ -1,10 +1,9 @@
 """The shape of a plant's own friction, where a fit does not find it."""
 
 import numpy as np
-from bench import GMS, HEALTHY, LEVEL, J, runs
+from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 
 from gms_mujoco import effects
-from gms_mujoco.fit_result import FitResult
 from gms_mujoco.friction_shape import by_the_letter, following
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
@@ -30,19 +29,12 @@ def test_beside_friction_that_follows_its_level_what_modulates_it_is_seen() -> N
         assert following(refine(misfit, misfit.vector(plant), 1)) is None
 
 
-def fitted(back: float) -> FitResult:
-    """Friction that does not slip back, fitted to runs of an axis whose friction does or does not."""
-    law = GMS.replace(static=1.4 * LEVEL)
-    seen = observe(runs(HEALTHY.replace(law.replace(slips_back=back)), seconds=6.0, seed=3), J)
-    misfit = Misfit(HEALTHY.replace(law), seen)
-    return refine(misfit, misfit.vector(HEALTHY.replace(law)))
-
-
 def test_a_log_made_by_the_letter_of_the_switching_law_is_fitted_by_it() -> None:
     """Its moments, each from one reversal to the next, are explained by elements that slip back."""
-    before = fitted(1.0)
+    law = GMS.replace(static=1.4 * LEVEL)
+    before = fitted_sticking(HEALTHY.replace(law.replace(slips_back=1.0)), 3)
     found, left = by_the_letter(before, cross_validated(before.misfit, before.vector))
     assert found.plant["gms"].slips_back == 1 and found.error < 0.5 * before.error
     assert left.total < 0.3 * before.misfit.cost(before.vector)
-    healthy = fitted(0.0)
+    healthy = fitted_sticking(HEALTHY.replace(law), 3)
     assert by_the_letter(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy

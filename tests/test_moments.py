@@ -4,29 +4,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, HIDDEN, J, runs
+from bench import GMS, HEALTHY, HIDDEN, fitted_sticking
 
 from gms_mujoco.linear_model import cross_validated
-from gms_mujoco.misfit import Misfit
 from gms_mujoco.moments import between, refit_between, unbent
-from gms_mujoco.observe import observe
-from gms_mujoco.plant import Plant
 from gms_mujoco.refine import refine
 
 STATIC = 6e-3  # N m, so far above the level of sliding that a few elements slip back
 
 
-def fitted(plant: Plant):
-    """Friction that sticks where it unwinds, fitted to runs of a plant."""
-    observations = observe(runs(plant, seconds=6.0, seed=1), J)
-    template = plant.replace(plant["gms"].replace(slips_back=0.0))
-    misfit = Misfit(template, observations)
-    return refine(misfit, misfit.vector(template))
-
-
 @pytest.fixture(scope="module")
 def found():
-    return fitted(HEALTHY.replace(GMS.replace(static=STATIC, slips_back=1.0)))
+    return fitted_sticking(HEALTHY.replace(GMS.replace(static=STATIC, slips_back=1.0)), 1)
 
 
 def test_records_are_cut_where_friction_goes_another_way(found):
@@ -54,12 +43,12 @@ def test_a_fit_is_told_as_that_between_moments_and_when_they_begin(found):
     assert straight.misfit.observations == found.misfit.observations
     low, high = straight.plant.uncertainty["gms.static"]
     assert low < STATIC < high < 1.02 * low
-    healthy = fitted(HEALTHY.replace(GMS.replace(static=STATIC)))
+    healthy = fitted_sticking(HEALTHY.replace(GMS.replace(static=STATIC)), 1)
     assert not len(cross_validated(healthy.misfit, healthy.vector).moments())
 
 
 def test_where_more_is_missing_the_fit_is_that_of_whole_records():
-    dragged = fitted(HEALTHY + HIDDEN["quadratic_drag"])
+    dragged = fitted_sticking(HEALTHY + HIDDEN["quadratic_drag"], 1)
     bare = refine(*dragged.misfit.onto(HEALTHY, dragged.vector))
     whole, said = unbent(bare)
     assert said == "" and whole.error == pytest.approx(bare.error, rel=1e-3)

@@ -82,11 +82,11 @@ inline double moved(const double* p, int n, const Way& way, const double* __rest
     // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
     // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
     const bool goes_on = slip == x.direction, below = stuck < lowest;
-    const bool back = kBack & !goes_on & (stuck < -limit);
+    const bool back = kBack & (stuck < -limit);
     const bool slips = goes_on | back | (stuck > limit) | (x.gives_way & below);
     const double least = back ? -2 * limit : below ? lowest - limit : 0;
     const double beyond = before - limit, held = below ? lowest : stuck;
-    const double over = goes_on | (!back & (beyond > least)) ? beyond : least, under = held < carried ? held - carried : 0;
+    const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
     next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
     next[2 * i + kSlip] = slips ? x.direction : 0;
   }
