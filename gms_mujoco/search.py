@@ -28,6 +28,7 @@ from .judgement import (
     CLOSE,
     FALSE_DISCOVERY_RATE,
     FINALISTS,
+    LEAST_GAIN,
     LEAST_SHARE,
     NEARLY,
     Trial,
@@ -61,6 +62,7 @@ MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _AFRESH = 3  # of them, also from the beginning
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ class Search:
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
 
-        promising = [c for c in scored if c.gain > _WORTH_A_TRIAL][:_CONTENDERS]
+        promising = [c for c in scored if self._is_worth_a_trial(c, p_values[c.effect.name])][:_CONTENDERS]
         rough: list[Rough] = []
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
@@ -179,6 +181,13 @@ class Search:
         plants |= {name: r.plant for name, r, _ in trials}
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return added
+
+    def _is_worth_a_trial(self, candidate: Candidate, p: float) -> bool:
+        """Whether a joint fit could be worth it, of a candidate with p value `p` in the linear refit.
+
+        Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`.
+        """
+        return candidate.gain > (LEAST_GAIN if self.at_floor and p > _BY_CHANCE else _WORTH_A_TRIAL)
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
         """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
