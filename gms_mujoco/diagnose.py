@@ -56,14 +56,16 @@ class Diagnosis:
 
     Attributes:
         verdict: "adequate" (the baseline is at the noise floor), "explained" (the effects added bring it there),
-            "partly_explained" (they help, something remains) or "unexplained" (nothing known earns its place).
+            "partly_explained" (they help, something remains) or "unexplained" (nothing known earns its place). Single
+            moments of the fit records that no law explains count for nothing where the validate records have none.
         noise_floor: the error that a perfect model would have, of the torque, of a servo of its position [rad]; on the
             validate records where there are some.
         steps: the baseline, then one for each effect added.
         candidates: what was tried on the final plant and left out.
         remainder: what is left looks like this; empty where nothing is.
         next_experiment: what to measure next, None where there is nothing to settle.
-        notes: a sentence on how the records were logged, where that matters, and one on each candidate of the user's.
+        notes: a sentence on how the records were logged, where that matters, one on single moments that nothing
+            explains, and one on each candidate of the user's.
     """
 
     verdict: str
@@ -249,8 +251,8 @@ def diagnose(
         for name, p, trial in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    said = (moments, late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
-    found = _conclude(steps, rejected, floor, search, said)
+    said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
+    found = _conclude(steps, rejected, floor, search, moments, said)
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
@@ -259,18 +261,25 @@ def diagnose(
 
 
 def _conclude(
-    steps: tuple[Step, ...], rejected: tuple[Rejected, ...], floor: float, search: Search, said: tuple[str, ...]
+    steps: tuple[Step, ...],
+    rejected: tuple[Rejected, ...],
+    floor: float,
+    search: Search,
+    moments: str,
+    said: tuple[str, ...],
 ) -> Diagnosis:
     last = steps[-1].result
     negligible = max(o.negligible for o in search.seen)
     holds = _holds([s.comparison for s in steps if s.comparison is not None], negligible)
     at_floor = (search.at_floor or _as_good(steps[-1], negligible)) and holds
+    at_floor |= bool(moments) and _told_beforehand(steps[-1].comparison, negligible)
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     remainder = ""
     if not at_floor:
         elsewhere = "" if holds else _elsewhere(steps[-1])
-        said = (describe(last.misfit, last.vector), *said, elsewhere, _other_curve(search))
+        when = f"most of it {moments}" if moments else ""
+        said = (describe(last.misfit, last.vector), when, *said, elsewhere, _other_curve(search))
         remainder = ", ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
@@ -285,7 +294,8 @@ def _conclude(
         following = stuck
     elif not at_floor:
         following = _to_isolate(rejected, loudest(last.misfit, last.vector))
-    notes = (f"{last.habit}.",) if last.habit else ()
+    off = f"The fit records are off {moments}" if moments and at_floor else ""
+    notes = tuple(f"{line}." for line in (last.habit, off) if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
@@ -344,7 +354,12 @@ def _holds(comparisons: Sequence[Comparison], negligible: float) -> bool:
         return True
     *before, last = comparisons
     most = min(_NEAR_FLOOR * last.noise_floor, *(c.error for c in before), math.inf)
-    return last.error <= max(most, AT_FLOOR * last.noise_floor, negligible)
+    return last.error <= most or _told_beforehand(last, negligible)
+
+
+def _told_beforehand(comparison: Comparison | None, negligible: float) -> bool:
+    """Whether a plant leaves no more than noise of records that it has not seen."""
+    return comparison is not None and comparison.error <= max(AT_FLOOR * comparison.noise_floor, negligible)
 
 
 def _elsewhere(step: Step) -> str:

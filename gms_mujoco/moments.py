@@ -50,22 +50,23 @@ def refit_between(misfit: Misfit, x: Array) -> tuple[Misfit, Array]:
 
 
 def unbent(found: FitResult) -> tuple[FitResult, str]:
-    """A fit at its end, to the records between their moments, as it is on whole ones; and a sentence that says when
-    moments begin. The fit at its end and "" where more than noise is left between them.
+    """A fit at its end, to the records between their moments, as it is on whole ones, and since when these are off; the
+    fit to whole records at its end and "" where more than noise is left between them.
 
     What no law of friction does bends the parameters of one that has to do it.
     """
     calm = finish(*refit_between(found.misfit, found.vector))
     if calm.error > AT_FLOOR * calm.floor:
         return finished(found), ""
-    whole, x = found.misfit.onto(calm.plant, found.vector)
-    there = result_of(whole, whole.settle(x))
+    whole = Misfit(calm.plant, found.misfit.observations)
+    memories = found.misfit.memories(found.vector, whole.n_memory)
+    there = result_of(whole, whole.settle(whole.vector(calm.plant, memories, calm.misfit.skew(calm.vector))))
     provenance = {**calm.plant.provenance, **there.plant.provenance}
     begins = _begins(found.misfit, found.vector)
     when = [f"{o.record.time[i]:.3g} s in {o.name}" for o, samples, _ in begins for i in samples]
     more = f" and {len(when) - _NAMED} times more" if len(when) > _NAMED else ""
     said = (
-        f"most of it from single moments on, at {', '.join(when[:_NAMED])}{more}, where friction goes another way than "
+        f"from single moments on, at {', '.join(when[:_NAMED])}{more}, where friction goes another way than "
         f"its law until it has slipped again; between them, where the plant was fitted, {100 * calm.error:.2g} % is "
         f"left, with a noise floor of {100 * calm.floor:.2g} %"
     )

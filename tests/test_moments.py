@@ -1,16 +1,22 @@
 """Moments at which friction goes another way than its law says."""
 
+import re
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, HIDDEN, fitted_sticking
+from bench import GMS, HEALTHY, HIDDEN, LEVEL, UNKNOWN, dataset, fitted_sticking, run
 
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.moments import between, refit_between, unbent
 from gms_mujoco.refine import refine
 
 STATIC = 6e-3  # N m, so far above the level of sliding that a few elements slip back
+KNOCK = 1.7  # s
 
 
 @pytest.fixture(scope="module")
@@ -52,3 +58,25 @@ def test_where_more_is_missing_the_fit_is_that_of_whole_records():
     bare = refine(*dragged.misfit.onto(HEALTHY, dragged.vector))
     whole, said = unbent(bare)
     assert said == "" and whole.error == pytest.approx(bare.error, rel=1e-3)
+
+
+def knocked(use: str) -> Dataset:
+    """Runs of a healthy axis, one of which somebody touches for a moment."""
+    records = dataset(HEALTHY, 4.0).records
+    at = next(i for i, r in enumerate(records) if r.name == f"{use}_1")
+    time, torque = records[at].time, records[at].signals["torque"]
+    touch = np.where((time > KNOCK) & (time < KNOCK + 0.04), 2 * LEVEL, 0.0)
+    felt = run(HEALTHY, torque + touch, 3, name=f"{use}_1", use=use)
+    felt = replace(felt, signals={**felt.signals, "torque": felt.signals["torque"] - touch})
+    return Dataset(Path(), (*records[:at], felt, *records[at + 1 :]), inertia=HEALTHY.inertia)
+
+
+def test_a_knock_in_records_that_are_fitted_is_told_and_counts_for_nothing_on_others():
+    found = diagnose(knocked("fit"), UNKNOWN)
+    assert found.verdict == "adequate" and found.remainder == ""
+    assert abs(float(re.search(r"at ([0-9.]+) s in fit_1", found.notes[-1])[1]) - KNOCK) < 0.15
+
+
+def test_a_knock_in_records_that_are_not_fitted_is_no_part_of_the_axis_and_counts():
+    found = diagnose(knocked("validate"), UNKNOWN)
+    assert found.verdict == "unexplained" and not found.found and "not fitted" in found.remainder
