@@ -8,11 +8,16 @@ from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import FitResult
 from gms_mujoco.habits import acting_early
+from gms_mujoco.joint_fits import JointFits
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
+from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
+from gms_mujoco.screen import Candidate
 from gms_mujoco.search import Search
 
 
@@ -27,7 +32,7 @@ def _logged(record: Record, early: float, line: float) -> Record:
 def test_a_habit_of_the_log_is_let_go_before_an_effect_is_named(early: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Though it takes little beside what is unknown, for which an effect may stand; without one nothing changes."""
     search = Search(observe([_logged(r, early, 0.2) for r in runs(HEALTHY)], J), [], UNKNOWN)
-    search.first(lambda done, message: None)
+    search.first(silent)
     first = search.steps[0].result
     assert first.error > 2 * first.floor and acting_early(first) is None
     with_spring = fit_observations(first.plant + effects.Spring(stiffness=0.1), search.seen)
@@ -41,3 +46,21 @@ def test_a_habit_of_the_log_is_let_go_before_an_effect_is_named(early: float, mo
         assert skew == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
         assert search._accept([trial], {"spring": 1e-9})  # once: then it is named
     assert [s.effect for s in search.steps] == [None, "spring"]
+
+
+def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[str] = []
+    roughly = JointFits.roughly
+
+    def told(fits: JointFits, current: FitResult, candidate: Candidate, below: float) -> tuple[Misfit, np.ndarray]:
+        tried.append(candidate.effect.name)
+        return roughly(fits, current, candidate, below)
+
+    monkeypatch.setattr(JointFits, "roughly", told)
+    drag = effects.QuadraticDrag(coefficient=0.0015 * LEVEL / 30**2)
+    for plant, expected in ((HEALTHY, []), (HEALTHY + drag, ["quadratic_drag"])):
+        search = Search(observe(runs(plant), J), [], UNKNOWN)
+        search.first(silent)
+        assert search.at_floor
+        search.add_one(silent)
+        assert tried[:1] == expected
