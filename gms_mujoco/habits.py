@@ -45,9 +45,8 @@ def may_be_otherwise(misfit: Misfit, x: Array) -> bool:
 
 
 def _onto(seen: Sequence[Seen], found: FitResult, fixed: Collection[str]) -> tuple[Misfit, Array]:
-    """The problem of a fit and its vector, with its records seen otherwise."""
-    trial = Misfit(found.plant, seen, fixed)
-    return trial, trial.vector(found.plant, found.misfit.memories(found.vector, trial.n_memory))
+    """The problem of a fit and its vector, with its records seen otherwise, of which the skew is not known."""
+    return found.misfit.onto(found.plant, found.vector, seen, fixed, skew=0.0)
 
 
 def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:

@@ -124,9 +124,9 @@ class JointFits:
                 effect = effects.find(special)
                 values = {p.name: plant[general].values[p.name] for p in effect.parameters}
                 plant = plant.without(general) + effect(None, **values)
-                near = Misfit(plant, misfit.observations)
-                memories = current.misfit.memories(current.vector, near.n_memory)
-                out.append((special, near, nudge(near, near.vector(plant, memories, misfit.skew(x)))))
+                skew = misfit.skew(x)
+                near, there = current.misfit.onto(plant, current.vector, misfit.observations, skew=skew)
+                out.append((special, near, nudge(near, there)))
         return out
 
     def _fresh(self, near: Plant) -> Plant:

@@ -283,9 +283,12 @@ def _takes_beside_moments(now: FitResult, before: HeldOut, result: FitResult, af
     A knock, or one reversal that the law of friction misses, may outweigh all that an effect does in the rest of the
     records, and says nothing against it.
     """
-    if at_floor(now, before) or not _added(now, result) or after.total > before.total or not len(before.moments()):
+    if at_floor(now, before) or not _added(now, result) or after.total > before.total:
         return False
-    calm = ~np.isin(block_of_row(before.observations), before.moments())
+    loud = before.moments()
+    if not len(loud):
+        return False
+    calm = ~np.isin(block_of_row(before.observations), loud)
     left, gone, floor = _where(calm, now, before, result, after)
     is_above = left.total > AT_FLOOR**2 * floor
     return is_above and takes(left.total, gone.total, floor) and p_value(left, gone) < _SURE

@@ -157,8 +157,9 @@ class Misfit:
         return np.concatenate([self.coordinates.encode(plant), np.full(self.n_skew, skew), rest])
 
     def onto(
-        self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None, fixed: Collection[str] = ()
-    ) -> tuple[Misfit, Array]:
+        self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None, fixed: Collection[str] = (),
+        skew: float | None = None,
+    ) -> tuple[Misfit, Array]:  # fmt: skip
         """The problem of another plant, and its vector where everything else is as at `x`.
 
         Args:
@@ -166,9 +167,10 @@ class Misfit:
             x: a vector of this problem.
             observations: as many as this one's, in their order; its own if None.
             fixed: names "effect.parameter" to leave as they are.
+            skew: of its clocks [s]; as at `x` if None.
         """
         out = Misfit(plant, self.observations if observations is None else observations, fixed)
-        return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x))
+        return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x) if skew is None else skew)
 
     def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them; and motions of frequency

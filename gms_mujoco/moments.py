@@ -58,9 +58,8 @@ def unbent(found: FitResult) -> tuple[FitResult, str]:
     calm = finish(*refit_between(found.misfit, found.vector))
     if calm.error > AT_FLOOR * calm.floor:
         return finished(found), ""
-    whole = Misfit(calm.plant, found.misfit.observations)
-    memories = found.misfit.memories(found.vector, whole.n_memory)
-    there = result_of(whole, whole.settle(whole.vector(calm.plant, memories, calm.misfit.skew(calm.vector))))
+    whole, x = found.misfit.onto(calm.plant, found.vector, skew=calm.misfit.skew(calm.vector))
+    there = result_of(whole, whole.settle(x))
     provenance = {**calm.plant.provenance, **there.plant.provenance}
     begins = _begins(found.misfit, found.vector)
     when = [f"{o.record.time[i]:.3g} s in {o.name}" for o, samples, _ in begins for i in samples]

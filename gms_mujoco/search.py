@@ -159,7 +159,7 @@ class Search:
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
 
-        promising = [c for c in scored if self._is_worth_a_trial(c, p_values[c.effect.name])][:_CONTENDERS]
+        promising = self._promising(scored, p_values)[:_CONTENDERS]
         rough: list[Rough] = []
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
@@ -182,12 +182,13 @@ class Search:
         self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
         return added
 
-    def _is_worth_a_trial(self, candidate: Candidate, p: float) -> bool:
-        """Whether a joint fit could be worth it, of a candidate with p value `p` in the linear refit.
+    def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
+        """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
 
         Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`.
         """
-        return candidate.gain > (LEAST_GAIN if self.at_floor and p > _BY_CHANCE else _WORTH_A_TRIAL)
+        by_chance = LEAST_GAIN if self.at_floor else _WORTH_A_TRIAL
+        return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
         """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
