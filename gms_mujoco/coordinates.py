@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class _Block:
     parameter: Parameter
     count: int
 
-    @property
+    @cached_property
     def scale(self) -> str:
         if self.parameter.share:
             return "share"
@@ -78,7 +79,8 @@ class _Block:
         if self.scale in ("linear", "above"):
             return x
         if self.scale == "log":
-            return np.clip(np.exp(np.clip(x, -690, 690)), self.parameter.lower, self.parameter.upper)
+            value = np.exp(np.minimum(np.maximum(x, -690), 690))
+            return np.minimum(np.maximum(value, self.parameter.lower), self.parameter.upper)
         z = np.append(x, 0.0)
         share = np.exp(z - z.max())
         return share / share.sum()

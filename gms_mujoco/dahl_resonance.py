@@ -34,7 +34,7 @@ from . import effects
 from .effect import Effect
 from .errors import DataError
 from .frf import FRF, usable
-from .harmonics import balance, fundamental, motion
+from .harmonics import Balance, balance, fundamental, motion
 from .plant import Plant, slide_unit
 from .resonance import Resonance, find_resonance, secant_curve, slope_curve
 
@@ -188,6 +188,7 @@ def identify_dahl(
     harmonic = np.zeros(len(omega), complex)
     trusted = np.ones(len(omega), bool)
     solution = np.zeros(0)
+    found: Balance | None = None
     for i in range(_ROUNDS + _CORRECTIONS):
         rows = np.vstack([
             np.column_stack([p, np.zeros(len(omega)), -column]) / spread[:, None],
@@ -202,7 +203,10 @@ def identify_dahl(
         fitted = friction + 1j * solution[-2] * drag - total * mass + harmonic
         if i >= _ROUNDS - 1 and total > 0:
             breakaway, stiffness = _with_stuck(grid, solution[:-2], size.max())
-            new, trusted = harmonic_part(stiffness, breakaway, total, float(solution[-2]), size, omega)
+            new, found = harmonic_part(
+                stiffness, breakaway, total, float(solution[-2]), size, omega, found.extra if found else None
+            )
+            trusted = found.good
             if 2 * trusted.sum() < len(omega):
                 raise DataError(
                     "the responses are not those of an inertia with friction: at most points what fits them best has "
@@ -220,17 +224,18 @@ def identify_dahl(
     fundamental = np.asarray(1 / (inverse - harmonic), complex)
     parts = zip(all_, np.split(fundamental, cuts), np.split(trusted, cuts), strict=True)
     plain = [replace(f, response=g, excitation=None).where(ok) for f, g, ok in parts if ok.sum() > 1]
-    found = [r for r in map(find_resonance, plain) if r is not None]
+    resonances = [r for r in map(find_resonance, plain) if r is not None]
     misfit = np.abs(inverse - fitted)[trusted] / np.abs(inverse[trusted])
     error = float(np.median(misfit))
     return _reading(
-        grid, solution[:-2], float(solution[-2]), total, inertia is not None, size, error, tuple(found), kind
+        grid, solution[:-2], float(solution[-2]), total, inertia is not None, size, error, tuple(resonances), kind
     )
 
 
 def harmonic_part(
-    stiffness: Array, breakaway: Array, inertia: float, viscous: float, amplitude: Array, omega: Array
-) -> tuple[Complex, NDArray[np.bool_]]:
+    stiffness: Array, breakaway: Array, inertia: float, viscous: float, amplitude: Array, omega: Array,
+    extra: Complex | None = None,
+) -> tuple[Complex, Balance]:  # fmt: skip
     """What the harmonics of the motion add to torque over position under a sinusoidal torque, by harmonic balance.
 
     Args:
@@ -238,16 +243,16 @@ def harmonic_part(
         inertia, viscous: [kg m^2], [N m s/rad].
         amplitude: (n,) of the fundamental of the position [rad].
         omega: (n,) of the torque [rad/s].
+        extra: (n, orders) harmonics of the motion to begin with [rad]; None: there are none.
 
     Returns:
-        (n,) addition to 1 / H [N m/rad], and (n,) whether the balance was found; it may not be where a harmonic meets
-        the resonance, far below it.
+        (n,) addition to 1 / H [N m/rad], and the balance.
     """
     plant = Plant(inertia, (_maxwell_slip(stiffness, breakaway), effects.find("viscous")(coefficient=viscous)))
     joint = plant.joint()
-    found = balance(joint, inertia, amplitude, omega)
+    found = balance(joint, inertia, amplitude, omega, extra)
     alone = fundamental(joint.cycle(2 * math.pi / omega, *motion(amplitude, omega)))
-    return np.asarray((alone - found.first) / amplitude, complex), found.good
+    return np.asarray((alone - found.first) / amplitude, complex), found
 
 
 def _maxwell_slip(stiffness: Array, breakaway: Array) -> Effect:

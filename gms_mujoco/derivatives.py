@@ -36,7 +36,11 @@ def jacobian(misfit: Misfit, x: Array, wanted: NDArray[np.bool_], steps: Array) 
     around = _Around(misfit, x, steps, both)
     parts = np.split(out, np.cumsum(lengths)[:-1])
     todo = [(k, *some) for k in range(len(parts)) for some in around.shared_out(k, wanted)]
-    each(lambda t: around.fill(*t, parts[t[0]]), todo)
+    if len(parts) == 1 and isinstance(misfit.pieces[0][1], Together):  # many points at a time as it is
+        for t in todo:
+            around.fill(*t, parts[0])
+    else:
+        each(lambda t: around.fill(*t, parts[t[0]]), todo)
     out[:, ~wanted] = 0
     return out
 
@@ -73,7 +77,7 @@ class _Around:
     def shared_out(self, k: int, wanted: NDArray[np.bool_]) -> list[tuple[str | None, list[int]]]:
         """The columns of piece k, by the effect that they belong to ("": the inertia; None: the skew); in halves where
         there are fewer pieces than threads."""
-        misfit, (i, _) = self.misfit, self.misfit.pieces[k]
+        misfit, (i, o) = self.misfit, self.misfit.pieces[k]
         n, common, (begin, end) = misfit.coordinates.size, misfit.n_common, misfit.states(i)
         own: dict[str | None, list[int]] = {}
         for column in map(int, np.flatnonzero(wanted)):
@@ -81,7 +85,7 @@ class _Around:
                 own.setdefault(self._owners[column if column < n else n + column - begin], []).append(column)
             elif column < common:
                 own[None] = [column]
-        if len(misfit.pieces) >= at_hand():
+        if len(misfit.pieces) >= at_hand() or isinstance(o, Together):
             return list(own.items())
         return [(name, half) for name, columns in own.items() for half in self._halves(name, columns) if half]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -182,6 +183,9 @@ def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:
         value = (p.default,) * n if p.per_element else p.default
         if p.share:
             value = (1.0 / n,) * n
+    # Most are one number, of which NumPy's checks are dear.
+    if isinstance(value, float) and not p.per_element and math.isfinite(value) and p.lower <= value <= p.upper:
+        return float(value)
     try:
         array = np.asarray(value, float)
     except (TypeError, ValueError):

@@ -24,7 +24,7 @@ _ROUNDS = 30
 _HISTORY = 5
 _BALANCED = 2e-3  # of the torque of the effects: what may be left over at a harmonic
 _CLOSE = 5e-4  # of it: close enough
-_FIRST = np.exp(-2j * math.pi * np.arange(SAMPLES) / SAMPLES) * (2 / SAMPLES)
+_FIRST = (np.exp(-2j * math.pi * np.arange(SAMPLES) / SAMPLES) * (2 / SAMPLES)).view(float).reshape(SAMPLES, 2)
 _ALL = np.arange(SAMPLES // 2 + 1)
 
 
@@ -52,7 +52,7 @@ def velocity(spectrum: Complex, omega: Array) -> Array:
 
 def fundamental(x: Array) -> Complex:
     """(...) amplitude of the first harmonic of periods (..., SAMPLES)."""
-    return np.asarray(x @ _FIRST, complex)
+    return np.ascontiguousarray(x @ _FIRST).view(complex)[..., 0]
 
 
 @dataclass(frozen=True)

@@ -183,11 +183,17 @@ class Sines(ABC):
             found = fundamental(joint.cycle(1 / self.frequency, position, rate, number))
             return self._rows(found[None] if number is None else found.T)
 
-        out = [np.empty((0, len(self.index)))]
-        for number, some in ((effect, joints[1 : apart + 1]), (None, joints[apart + 1 :])):
-            if some:
-                base = rows(joints[0], number)
-                out += [rows(joint, number) - base for joint in some]
+        split, whole = joints[1 : apart + 1], joints[apart + 1 :]
+        out, base = [np.empty((0, len(self.index)))], None
+        if split:
+            base = rows(joints[0], effect)
+            out += [rows(joint, effect) - base for joint in split]
+        if whole:
+            if base is not None and joints[0].n_effects == 1:
+                base = base.sum(0, keepdims=True)
+            else:
+                base = rows(joints[0], None)
+            out += [rows(joint, None) - base for joint in whole]
         return np.concatenate(out)
 
     def accelerated(self, plant: Plant) -> Array:

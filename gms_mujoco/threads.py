@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -83,14 +84,32 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
-    """function(item) of every item, in their order; one after the other where this runs on such a thread already."""
+    """function(item) of every item, in their order; one after the other where this runs on such a thread already.
+
+    The thread that asks works too: what is done before another wakes has not waited for it.
+    """
     todo = list(items)
-    n = 1 if len(todo) < 2 else at_hand()
-    if n == 1:
+    n = min(len(todo), at_hand())
+    if n < 2:
         return [function(item) for item in todo]
+    left, out = deque(range(len(todo))), {}
 
-    def work(item: _In) -> _Out:
+    def work() -> None:
         with alone():
-            return function(item)
+            while left:
+                try:
+                    at = left.popleft()
+                except IndexError:  # another was faster
+                    return
+                out[at] = function(todo[at])
 
-    return list(_pool(n, os.getpid()).map(work, todo))  # threads do not survive a fork
+    pool = _pool(n - 1, os.getpid())  # threads do not survive a fork
+    others = [pool.submit(work) for _ in range(n - 1)]
+    try:
+        work()
+    finally:
+        left.clear()
+        for other in others:
+            if not other.cancel():
+                other.result()
+    return [out[at] for at in range(len(todo))]

@@ -2,11 +2,15 @@
 
 import copy
 import gc
+import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from gms_mujoco import effects, native
+from gms_mujoco import effects, native, threads
 from gms_mujoco.errors import ModelError
 from gms_mujoco.plant import Plant
 
@@ -182,5 +186,68 @@ def test_a_motion_whose_torque_never_comes_back_to_itself_has_one_at_every_sampl
     phase = 2 * np.pi * np.arange(64) / 64
     motion = [np.array([2 * np.pi / omega]), amplitude * np.cos(phase)[None], -amplitude * omega * np.sin(phase)[None]]
     torque, joint = np.full((1, 64), np.nan), (Plant.axis() + law).joint()
-    native.library.gms_joint_cycle(joint.handle, -1, 1, 64, *(a.ctypes.data for a in (*motion, torque)))
+    native.library.gms_joint_cycle(joint.handle, -1, 1, 1, 64, *(a.ctypes.data for a in (*motion, torque)))
     assert np.isfinite(torque).all()
+
+
+def waves(number: int, law: Plant) -> tuple[native.Joint, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Sines from deep inside pre-sliding to far beyond it, some with a third harmonic, some that are not alike in both
+    directions."""
+    size, omega = np.geomspace(1e-4, 1e-1, number), 2 * np.pi * np.geomspace(30, 2, number)
+    phase = 2 * np.pi * np.arange(64) / 64
+    third, second = 0.1 * (np.arange(number) % 3 == 1), 0.05 * (np.arange(number) % 7 == 2)
+    q = size[:, None] * sum(np.outer(a, np.cos(n * phase)) for n, a in ((1, np.ones(number)), (2, second), (3, third)))
+    v = np.gradient(np.tile(q, 3), 2 * np.pi / 64, axis=1)[:, 64:128] * omega[:, None]
+    return law.joint(), (2 * np.pi / omega, q, v)
+
+
+LAWS = [
+    Plant.axis(J) + gms(),
+    Plant.axis(J) + gms() + effects.Viscous(coefficient=2e-5) + effects.Gravity(amplitude=1e-3),
+    Plant.axis(J) + gms() + effects.AsymmetricFriction(level=0.2),
+    Plant.axis(J) + effects.LuGre(stiffness=1.5, coulomb=FC, static=FS, stribeck_velocity=0.8),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda p: "+".join(e.name for e in p.effects))
+def test_periodic_motions_are_the_same_alone_together_and_on_several_threads(law, monkeypatch):
+    joint, motions = waves(150, law)
+    monkeypatch.setenv(threads.VARIABLE, "1")
+    together = joint.cycle(*motions)
+    alone = np.concatenate([joint.cycle(*(x[i : i + 1] for x in motions)) for i in range(150)])
+    assert np.array_equal(together, alone)
+    monkeypatch.setenv(threads.VARIABLE, "3")
+    for _ in range(20):
+        assert np.array_equal(joint.cycle(*motions), together)
+    if law is LAWS[0]:
+        assert np.allclose(joint.cycle(*motions, 0).sum(1), together)
+
+
+def test_several_python_threads_may_ask_for_periodic_motions_at_a_time(monkeypatch):
+    joint, motions = waves(150, LAWS[0])
+    expected = joint.cycle(*motions)
+    monkeypatch.setenv(threads.VARIABLE, "2")
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(lambda _: joint.cycle(*motions), range(40)):
+            assert np.array_equal(found, expected)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_fork_of_a_process_with_threads_has_its_own(monkeypatch):
+    monkeypatch.setenv(threads.VARIABLE, "2")
+    joint, motions = waves(150, LAWS[0])
+    expected = joint.cycle(*motions)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if np.array_equal(joint.cycle(*motions), expected) else 1)
+    for _ in range(200):
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            break
+        time.sleep(0.1)
+    else:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        pytest.fail("the child waits for threads that it does not have")
+    assert os.waitstatus_to_exitcode(status) == 0

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, ModelError, listing
 from ..parameter import Parameter
+from ..threads import at_hand
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def _load() -> ctypes.CDLL:
             None,
             (pointer,) + (integer,) * 4 + (pointer,) * 8 + (integer, pointer, integer, integer, integer, pointer),
         ),
-        ("gms_joint_cycle", integer, (pointer, integer, integer, integer) + (pointer,) * 4),
+        ("gms_joint_cycle", integer, (pointer, integer, integer, integer, integer) + (pointer,) * 4),
         ("gms_joint_mean", integer, (pointer, integer) + (pointer,) * 6 + (real, pointer, pointer, integer)),
         (
             "gms_joint_simulate",
@@ -356,7 +357,7 @@ class Joint:
         shape = inputs[1].shape
         torque = np.empty(shape if effect is None else (shape[0], self.counts[effect], shape[1]))
         use = -1 if effect is None else effect
-        library.gms_joint_cycle(self.handle, use, *shape, *map(_address, inputs), _address(torque))
+        library.gms_joint_cycle(self.handle, use, at_hand(), *shape, *map(_address, inputs), _address(torque))
         return torque
 
     def mean(

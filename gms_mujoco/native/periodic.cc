@@ -1,16 +1,20 @@
 // The torque of a joint in periodic motion, once its state comes back to itself: what a frequency response measures.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <vector>
 
 #include "api.h"
 #include "joint.h"
+#include "side_by_side.h"
 
 namespace {
 
 constexpr int kMostPeriods = 24;
 constexpr int kLook = 4;  // samples after which a state is compared with that of a turn ago
+constexpr int kWorthAThread = 32;  // motions: fewer are done before another thread has woken
+constexpr int kBeside = 8;         // motions at a time on a thread: what they need is in the cache
 constexpr double kSettled = 1e-7;  // of the largest value that a state takes
 constexpr double kWarm = 1e4;      // s since the start: what fades with time has faded
 
@@ -63,93 +67,124 @@ bool is_half_wave(const double* x, int n) {
   return off <= 1e-9 * most;
 }
 
-// One motion until its torque repeats itself.
-struct Cycle {
-  const gms::Joint& joint;
-  const gms::Joint::Use* of;  // whose elements are asked for; null: the torque of all
-  int n;
-  std::vector<double> state, next, scale, seen[4], before, apart;
-
+// One motion until its torque repeats itself. Step by step, so that several can go side by side.
+class Cycle {
+ public:
+  // `of`: whose elements are asked for; null: the torque of all.
   Cycle(const gms::Joint& joint, const gms::Joint::Use* of, int n)
-      : joint(joint), of(of), n(n), state(joint.n_state()), next(state), scale(state) {
-    for (auto& x : seen) x = state;
-    before.resize(state.size() * n);
-    apart.resize(of ? of->n : 0);
+      : joint_(&joint), of_(of), n_(n), state_(joint.n_state()), next_(state_), scale_(state_) {
+    for (auto& x : seen_) x = state_;
+    before_.resize(state_.size() * (n / kLook + 1));
+    apart_.resize(of ? of->n : 0);
   }
 
+  // Fills in `out`, elements x n. With `half` the second half follows from the first, and so does the state.
+  void begin(double h, const double* q, const double* v, bool half, double* out) {
+    h_ = h, q_ = q, v_ = v, half_ = half, out_ = out;
+    joint_->reset(state_.data());
+    std::fill(scale_.begin(), scale_.end(), 0.0);
+    // Friction that begins at rest in the middle stands at the crest as it will ever after (Masing's rule).
+    rest_ = half ? -(n_ / 4) : -1;
+    k_ = half ? rest_ : 0;
+    last_ = half ? n_ / 2 : n_;
+    start_ = kWarm;
+    turn_ = 0;
+    settled_ = false, leapt_ = true;
+  }
+
+  gms::Motion next() const {
+    const int at = (k_ + n_) % n_;
+    return gms::Joint::since({start_ + h_ * k_, k_ == rest_ ? 0 : q_[at], v_[at]}, state_.data());
+  }
+  double* state() { return state_.data(); }
+  double* room() { return next_.data(); }
+
+  // Takes in the torque over that motion, and the state that is in `room` now; whether it is the end.
+  bool take(double torque) {
+    state_.swap(next_);
+    if (k_++ <= 0) {
+      if (k_ > 0) seen_[0] = state_, kept_ = 1;
+      return false;
+    }
+    note(k_ - 1, torque);
+    if (!settled_ && k_ <= last_) return false;
+    if (!settled_) turned();
+    if (!settled_ && turn_ < kMostPeriods) return false;
+    if (half_) complete();
+    return true;
+  }
+  bool settled() const { return settled_; }
+
+ private:
   bool is_close(const double* x) const {
-    for (size_t j = gms::Joint::kAnchor; j < state.size(); j++) {
-      if (std::fabs(state[j] - x[j]) > kSettled * scale[j]) return false;
+    for (size_t j = gms::Joint::kAnchor; j < state_.size(); j++) {
+      if (std::fabs(state_[j] - x[j]) > kSettled * scale_[j]) return false;
     }
     return true;
   }
 
-  // Fills in `out`, elements x n. With `half` the second half follows from the first, and so does the state.
-  bool settle(double h, const double* q, const double* v, bool half, double* out) {
-    const int size = static_cast<int>(state.size()), first = gms::Joint::kAnchor, width = of ? of->n : 1;
-    int last = half ? n / 2 : n;
-    joint.reset(state.data());
-    std::fill(scale.begin(), scale.end(), 0.0);
-    // Friction that begins at rest in the middle stands at the crest as it will ever after (Masing's rule).
-    const int rise = half ? n - n / 4 : n;
-    for (int k = rise; k <= n; k++) {
-      joint.torque({kWarm + h * (k - n), half && k == rise ? 0 : q[k % n], v[k % n]}, state.data(), next.data());
-      state.swap(next);
+  // Sample k of a turn, from 1 on.
+  void note(int k, double torque) {
+    const int at = k % n_;
+    if (!of_) {
+      out_[at] = torque;
+    } else {
+      of_->effect->elements(state_.data() + of_->state, of_->n, apart_.data());
+      for (int j = 0; j < of_->n; j++) out_[j * n_ + at] = apart_[j];
     }
-    seen[0] = state;
-    bool settled = false, leapt = true;
-    int kept = 1;
-    double start = kWarm;
-    for (int turn = 0; turn < kMostPeriods && !settled; turn++, start += h * last) {
-      for (int k = 1; k <= last && !settled; k++) {
-        const int at = k % n;
-        const double t = start + h * k;
-        const double total = joint.torque({t, q[at], v[at]}, state.data(), next.data());
-        state.swap(next);
-        if (!of) {
-          out[at] = total;
-        } else {
-          of->effect->elements(state.data() + of->state, width, apart.data());
-          for (int j = 0; j < width; j++) out[j * n + at] = apart[j];
-        }
-        for (int j = first; j < size; j++) scale[j] = std::max(scale[j], std::fabs(state[j]));
-        // From where it stands as it did a turn ago, all will be as it was.
-        double* const then = &before[static_cast<size_t>(k - 1) * size];
-        settled = !leapt && k % kLook == 0 && is_close(then);
-        std::copy(state.begin(), state.end(), then);
-      }
-      if (settled) break;
-      if (half) {  // what it is at the trough it is at the crest, with the other sign
-        for (int j = 0; j < size; j++) state[j] = j == 1 ? state[j] : -state[j];
-      }
-      settled = is_close(seen[kept - 1].data());
-      leapt = false;
-      const bool again = turn + 1 < kMostPeriods;
-      if (half && again && !settled && kept > 1 && is_close(seen[kept - 2].data())) {  // alike after a whole period
-        half = false;
-        last = n;
-        leapt = true;
-      }
-      seen[kept++] = state;
-      if (kept < 4 || settled) continue;
-      for (const auto& use : joint.uses()) {
-        if (!has_load(use.effect)) continue;
-        const int s = use.state, length = use.effect->n_state(use.n);
-        const double* const x[4] = {&seen[0][s], &seen[1][s], &seen[2][s], &seen[3][s]};
-        leapt |= extrapolate(x, length, &scale[s], &state[s]);
-      }
-      seen[0] = state;
-      kept = 1;
-    }
-    if (half) {
-      for (int j = 0; j < width; j++) {
-        double* const row = out + static_cast<size_t>(j) * n;
-        row[0] = -row[n / 2];
-        for (int k = 1; k < n / 2; k++) row[k + n / 2] = -row[k];
-      }
-    }
-    return settled;
+    for (size_t j = gms::Joint::kAnchor; j < state_.size(); j++) scale_[j] = std::max(scale_[j], std::fabs(state_[j]));
+    if (k % kLook) return;
+    // From where it stands as it did a turn ago, all will be as it was.
+    double* const then = &before_[(k / kLook) * state_.size()];
+    settled_ = !leapt_ && is_close(then);
+    std::copy(state_.begin(), state_.end(), then);
   }
+
+  // At the end of a turn.
+  void turned() {
+    start_ += h_ * last_;
+    k_ = 1;
+    turn_++;
+    if (half_) {  // what it is at the trough it is at the crest, with the other sign
+      for (size_t j = 0; j < state_.size(); j++) state_[j] = j == 1 ? state_[j] : -state_[j];
+    }
+    settled_ = is_close(seen_[kept_ - 1].data());
+    leapt_ = false;
+    const bool again = turn_ < kMostPeriods;
+    if (half_ && again && !settled_ && kept_ > 1 && is_close(seen_[kept_ - 2].data())) {  // alike after a whole period
+      half_ = false;
+      last_ = n_;
+      leapt_ = true;
+    }
+    seen_[kept_++] = state_;
+    if (kept_ < 4 || settled_) return;
+    for (const auto& use : joint_->uses()) {
+      if (!has_load(use.effect)) continue;
+      const int s = use.state, length = use.effect->n_state(use.n);
+      const double* const x[4] = {&seen_[0][s], &seen_[1][s], &seen_[2][s], &seen_[3][s]};
+      leapt_ |= extrapolate(x, length, &scale_[s], &state_[s]);
+    }
+    seen_[0] = state_;
+    kept_ = 1;
+  }
+
+  void complete() {
+    for (int j = 0; j < (of_ ? of_->n : 1); j++) {
+      double* const row = out_ + static_cast<size_t>(j) * n_;
+      row[0] = -row[n_ / 2];
+      for (int k = 1; k < n_ / 2; k++) row[k + n_ / 2] = -row[k];
+    }
+  }
+
+  const gms::Joint* joint_;
+  const gms::Joint::Use* of_;
+  int n_, last_ = 0, rest_ = 0;  // samples of a period, of a turn; the one that begins in the middle of the motion
+  int k_ = 0, turn_ = 0, kept_ = 0;
+  double h_ = 0, start_ = 0;
+  const double *q_ = nullptr, *v_ = nullptr;
+  double* out_ = nullptr;
+  bool half_ = false, settled_ = false, leapt_ = false;
+  std::vector<double> state_, next_, scale_, seen_[4], before_, apart_;
 };
 
 }  // namespace
@@ -157,17 +192,39 @@ struct Cycle {
 // Torque at the n samples of one period of each of `count` motions, `period[i]` seconds long, in the steady state.
 // `position`, `velocity` and `torque` are count x n; with `use` from 0 on `torque` is count x elements x n, that of each
 // element of effect number `use` of the joint. Returns how many motions have found no steady state.
-GMS_API int gms_joint_cycle(const gms::Joint* joint, int use, int count, int n, const double* period,
+GMS_API int gms_joint_cycle(const gms::Joint* joint, int use, int threads, int count, int n, const double* period,
                             const double* position, const double* velocity, double* torque) {
   const gms::Joint::Use* of = use < 0 ? nullptr : &joint->uses()[use];
   const bool mirrored = turns_round(*joint);
-  Cycle cycle(*joint, of, n);
-  int failed = 0;
-  for (int i = 0; i < count; i++) {
+  std::atomic<int> begun{0}, failed{0};
+  // The next motion that nobody has begun.
+  const auto begin = [&](Cycle& cycle) {
+    const int i = begun++;
+    if (i >= count) return false;
     const size_t at = static_cast<size_t>(i) * n;
     const double *q = position + at, *v = velocity + at;
     const bool half = mirrored && is_half_wave(q, n) && is_half_wave(v, n);
-    failed += !cycle.settle(period[i] / n, q, v, half, torque + at * (of ? of->n : 1));
-  }
+    cycle.begin(period[i] / n, q, v, half, torque + at * (of ? of->n : 1));
+    return true;
+  };
+  gms::side_by_side(std::min(threads, count / kWorthAThread), [&] {
+    std::vector<Cycle> cycles(std::min({count, joint->at_once(), kBeside}), Cycle(*joint, of, n));
+    gms::Together t;
+    int busy = 0;
+    while (busy < static_cast<int>(cycles.size()) && begin(cycles[busy])) t.joint[busy++] = joint;
+    while (busy > 0) {
+      for (int j = 0; j < busy; j++) {
+        t.motion[j] = cycles[j].next();
+        t.state[j] = cycles[j].state();
+        t.room[j] = cycles[j].room();
+      }
+      gms::Joint::torques(busy, t.joint, t.motion, t.state, t.room, t.torque);
+      for (int j = busy - 1; j >= 0; j--) {
+        if (!cycles[j].take(t.torque[j])) continue;
+        failed += !cycles[j].settled();
+        if (!begin(cycles[j])) std::swap(cycles[j], cycles[--busy]);
+      }
+    }
+  });
   return failed;
 }
