@@ -54,6 +54,7 @@ from .progress import Progress, silent
 from .reading import TorqueReading, rung
 from .refine import refine
 from .screen import Candidate, Screen
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -62,6 +63,7 @@ MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _AFRESH = 3  # of them, also from the beginning
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
 
 
@@ -154,7 +156,7 @@ class Search:
         current, fits = self.steps[-1].result, self.fits
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
-        scored = [c for c in map(screen.candidate, self._addable) if c is not None]
+        scored = [c for c in each(screen.candidate, self._addable) if c is not None]
         scored.sort(key=lambda c: -c.gain)
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
@@ -185,9 +187,11 @@ class Search:
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
 
-        Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`.
+        Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`: there what
+        promises little is tried too, unless one surely takes most. What is left beside that is for the next round.
         """
-        by_chance = LEAST_GAIN if self.at_floor else _WORTH_A_TRIAL
+        leads = bool(scored) and scored[0].gain > _MOST and p_values[scored[0].effect.name] <= FALSE_DISCOVERY_RATE
+        by_chance = LEAST_GAIN if self.at_floor or leads else _WORTH_A_TRIAL
         return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
