@@ -57,14 +57,13 @@ Pool* the_pool = nullptr;
 
 void side_by_side(int threads, const std::function<void()>& work) {
   if (threads < 2) return work();
-  static const bool once = [] {
+  static std::once_flag begun;
+  std::call_once(begun, [] {
     the_pool = new Pool;
 #ifndef _WIN32
     pthread_atfork(nullptr, nullptr, [] { the_pool = new Pool; });  // a fork has one thread only
 #endif
-    return true;
-  }();
-  (void)once;
+  });
   the_pool->run(threads, work);
 }
 
