@@ -19,6 +19,7 @@ from .tall import squared
 from .time_steps import RESTS, TOLD, steps_of
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
+from .whitened import Whitened
 
 Array = NDArray[np.float64]
 
@@ -128,10 +129,10 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     return FitResult(plant, error, floor, status, misfit, x, noise, np.concatenate(floor_rows), negligible)
 
 
-def with_covariance(found: FitResult) -> FitResult:
-    """The same fit with the covariance of what was identified, and what the data leave open."""
+def with_covariance(found: FitResult, around: Whitened | None = None) -> FitResult:
+    """The same fit with the covariance of what was identified, and what the data leave open; see `covariance`."""
     misfit, x, n = found.misfit, found.vector, found.misfit.coordinates.size
-    whole, deviations = covariance(misfit, x)
+    whole, deviations = covariance(misfit, x, around)
     scatter = whole[:n, :n]
     intervals = misfit.coordinates.intervals(x[:n], scatter, deviations[:n])
     together = dict(zip(misfit.coordinates.labels, map(tuple, scatter.tolist()), strict=True))

@@ -20,7 +20,8 @@ from scipy import linalg, stats
 from .frf_observation import Seen
 from .inverse import Observation
 from .misfit import ROUNDING, Misfit
-from .tall import gram
+from .tall import gram, squared, times
+from .whitened import Whitened, root_of_inverse, whitened
 
 Array = NDArray[np.float64]
 
@@ -32,22 +33,22 @@ _ANYWHERE = 1e3  # times its reach: the deviation of what the data do not see
 _LEVERAGE = 0.95  # that a block has at most: one that alone decides leaves no residual to judge it by
 
 
-def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
+def covariance(misfit: Misfit, x: Array, around: Whitened | None = None) -> tuple[Array, Array]:
     """Covariance (size, size) of the vector of least squares, and the standard deviations (size,) in half an interval.
 
     Those are Student's t for 95 %, more than 1.96, for a variance is known from few blocks; infinite for what the data
     do not see, as a Stribeck velocity where both levels are the same.
+
+    Args:
+        misfit, x: the problem and its solution.
+        around: the unknowns about there; None: looked at now.
     """
-    residual = misfit.residual(x)
-    # A state that the data hardly see is as unsure as it was before them.
-    prior = np.diag(misfit.prior * float(np.mean(residual**2)))
-    rough = misfit.jacobian(x)
-    deviation = np.sqrt(np.sum(_root_of_inverse(gram(rough, rough) + prior) ** 2, 1) * np.mean(residual**2))
-    jacobian = misfit.with_steps(x, deviation).jacobian(x)
-    root = _root_of_inverse(gram(jacobian, jacobian) + prior)
+    around = around or whitened(misfit, x)
+    residual, turn = around.residual, root_of_inverse(around.normal)
+    slopes, root = times(around.slopes, turn), around.root @ turn
     scores, kept, kept_twice = [], [], []
     for begin, end, power in blocks(misfit.observations, np.split(residual, misfit.splits)):
-        own = jacobian[begin:end] @ root
+        own = slopes[begin:end]
         leverage, axes = linalg.eigh(gram(own, own))
         leverage = np.clip(leverage, 0, _LEVERAGE)
         more = (1 - leverage) ** -power
@@ -58,8 +59,8 @@ def covariance(misfit: Misfit, x: Array) -> tuple[Array, Array]:
     spread = root @ np.array(scores).T
     scatter = np.asarray(spread @ spread.T)
     deviations = np.asarray(stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
-    reach = misfit.reach(x)
-    unseen = (misfit.prior == 0) & (np.sum(jacobian**2, 0) * reach**2 <= ROUNDING**2 * float(residual @ residual))
+    reach, seen = misfit.reach(x), np.sum(around.jacobian**2, 0)
+    unseen = (misfit.prior == 0) & (seen * reach**2 <= ROUNDING**2 * squared(residual))
     scatter[unseen] = scatter[:, unseen] = 0.0
     scatter[unseen, unseen] = (_ANYWHERE * reach[unseen]) ** 2
     return scatter, np.where(unseen, np.inf, deviations)
@@ -124,12 +125,3 @@ def block_starts(observations: Sequence[Seen], block: float) -> NDArray[np.intp]
 def block_sums(observations: Sequence[Seen], rows: Array, block: float) -> Array:
     """(blocks, ...) sums of the rows (m, ...) of each block, see `block_starts`."""
     return np.add.reduceat(rows, block_starts(observations, block), axis=0)
-
-
-def _root_of_inverse(a: Array) -> Array:
-    """root with root @ root.T the inverse of a symmetric matrix, scaled; directions that the data does not see get no
-    spurious certainty."""
-    scale = np.sqrt(np.maximum(np.diag(a), 1e-24 * max(np.diag(a).max(initial=0.0), 1e-200)))
-    # Not by divide and conquer, as NumPy does it: that fails on some matrices of less than full rank.
-    value, vector = linalg.eigh(a / np.outer(scale, scale))
-    return np.asarray(vector / np.sqrt(np.maximum(value, 1e-14)) / scale[:, None])

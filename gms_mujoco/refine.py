@@ -14,12 +14,16 @@ from .least_squares import agreed, approach, solve
 from .misfit import Misfit
 from .placement import placed
 from .servo_observation import ServoObservation
+from .tall import gram
+from .whitened import Whitened, whitened
 
 Array = NDArray[np.float64]
 
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
+_ACROSS = 3  # steps across jumps
+_PARTS = (1.0, 0.5, 0.25)  # of such a step that are tried
 
 
 def refine(misfit: Misfit, x: Array, max_steps: int = 20, below: float = math.inf) -> FitResult:
@@ -57,8 +61,8 @@ def to_end(misfit: Misfit, x: Array, fixed: Collection[str], max_steps: int, bel
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     """A solution but for its last steps, on instants that are chosen anew in every one."""
     x = approach(misfit, misfit.settle(x), max_steps, below=below)
-    # A residual with slips in it has steps of its own, at which derivatives over short ones lead a search to a halt.
-    wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
+    # A residual with slips in it has jumps, at which derivatives over short steps lead a search to a halt.
+    wide = misfit.widely(x) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
     return solve(wide, x, max_steps, below=below)
 
 
@@ -69,8 +73,36 @@ def finished(found: FitResult) -> FitResult:
 
 def finish(misfit: Misfit, x: Array) -> FitResult:
     """The fit from which no step would move a parameter by much of its interval, with these intervals."""
+    around = None
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
+        tolerance = _SHARP / len(misfit.residual(x))
         for _ in range(2):
-            x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, _SHARP / len(misfit.residual(x)))
+            x = solve(misfit.on_grids(x, _FINER), x, _LAST_STEPS, tolerance)
         x = agreed(misfit, x, _LAST_STEPS)
-    return with_covariance(result_of(misfit, x))
+        if any(o.jumps for o in misfit.observations):
+            x, around = _across_jumps(misfit, x, tolerance)
+    return with_covariance(result_of(misfit, x), around)
+
+
+def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Whitened]:
+    """Where steps of Gauss and Newton end that look a standard deviation ahead, and what they see there: small jumps of
+    the residual hold up a search that does not."""
+    around, fine = whitened(misfit, x), misfit.on_grids(x, _FINER)
+    for _ in range(_ACROSS):
+        cost = fine.cost(x) + float(around.prior @ x**2)
+        gradient = gram(around.slopes, fine.residual(x)) + around.root.T @ (around.prior * x)
+        step = np.linalg.solve(around.normal, gradient)
+        if float(gradient @ step) < tolerance * cost:
+            break
+        for part in _PARTS:
+            there = np.clip(x - part * (around.root @ step), *misfit.bounds)
+            finer = misfit.on_grids(there, _FINER)  # what is better on the instants of x alone is not
+            after = finer.cost(there) + float(around.prior @ there**2)
+            if after < cost:
+                break
+        else:
+            break
+        x, fine, around = there, finer, whitened(misfit, there)
+        if cost - after < tolerance * cost:
+            break
+    return x, around

@@ -17,10 +17,10 @@ def linear(matrix: np.ndarray, target: np.ndarray, per_block: int) -> tuple[Misf
     """A linear problem in the place of one of friction, with blocks of so many rows, and its solution."""
     x = np.linalg.lstsq(matrix, target, rcond=None)[0]
     problem: Any = SimpleNamespace(
-        observations=[SimpleNamespace(rows_per_block=lambda duration: per_block)], splits=[],
+        observations=[SimpleNamespace(rows_per_block=lambda duration: per_block, jumps=False)], splits=[],
         prior=np.zeros(len(x)), reach=np.ones_like, residual=lambda x: target - matrix @ x, jacobian=lambda x: -matrix,
+        size=len(x), n_common=len(x),
     )  # fmt: skip
-    problem.with_steps = lambda x, deviation: problem
     return cast(Misfit, problem), x
 
 
