@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by less, the data do not see
 _STEP = 1e-3  # of the derivatives
-_WIDE = 10.0  # times the usual one
+_LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _IMPOSSIBLE = 1e3  # times the torque
 
 
@@ -336,10 +336,14 @@ class Misfit:
         steps[n : self.n_common] *= self._shortest if self.n_skew else 1.0
         return np.asarray(steps)
 
-    def widely(self, x: Array) -> Misfit:
-        """The same problem with derivatives over wider steps, which see the slips that begin or end within them."""
-        out = copy(self)
-        out.set_steps = _WIDE * self._steps(x)
+    def with_steps(self, x: Array, deviation: Array | float) -> Misfit:
+        """The same problem with derivatives over steps (size,) about as large as what matters, not much off the usual.
+
+        Slips begin and end at other instants for every parameter: a difference over less than what the data can tell
+        sees too few of them, over more it leaves what the data tell apart.
+        """
+        out, usual = copy(self), self._steps(x)
+        out.set_steps = np.clip(deviation, _LEAST_STEP * usual, _MOST_STEP * usual)
         return out
 
     def of_elements(self, x: Array, effect: Effect, parent: NDArray[np.intp]) -> Array:

@@ -62,7 +62,7 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     """A solution but for its last steps, on instants that are chosen anew in every one."""
     x = approach(misfit, misfit.settle(x), max_steps, below=below)
     # A residual with slips in it has jumps, at which derivatives over short steps lead a search to a halt.
-    wide = misfit.widely(x) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
+    wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
     return solve(wide, x, max_steps, below=below)
 
 

@@ -49,17 +49,23 @@ class Whitened:
 def whitened(misfit: Misfit, x: Array) -> Whitened:
     """The unknowns around a vector of least squares.
 
-    States before a record follow the parameters as they fit best; alone they are seen by their derivatives.
+    States before a record follow the parameters as they fit best; alone they are seen by their derivatives. Where
+    nothing jumps, derivatives over steps of each unknown alone tell the same.
     """
+    jumps = any(o.jumps for o in misfit.observations)
     residual, jacobian = misfit.residual(x), misfit.jacobian(x)
     variance = squared(residual) / len(residual)
     prior = misfit.prior * variance
     root = root_of_inverse(gram(jacobian, jacobian) + np.diag(prior))
+    if not jumps:
+        deviation = np.sqrt(np.sum(root**2, 1) * variance)
+        jacobian = misfit.with_steps(x, deviation).jacobian(x)
+        root = root_of_inverse(gram(jacobian, jacobian) + np.diag(prior))
     common = misfit.n_common
     if common < misfit.size:
         root = root @ linalg.qr(root[:common].T)[0]
     slopes = times(jacobian, root)
-    if any(o.jumps for o in misfit.observations):
+    if jumps:
         lower, upper = misfit.bounds
         reach = misfit.reach(x)
 

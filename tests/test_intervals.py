@@ -21,6 +21,7 @@ def linear(matrix: np.ndarray, target: np.ndarray, per_block: int) -> tuple[Misf
         prior=np.zeros(len(x)), reach=np.ones_like, residual=lambda x: target - matrix @ x, jacobian=lambda x: -matrix,
         size=len(x), n_common=len(x),
     )  # fmt: skip
+    problem.with_steps = lambda x, deviation: problem
     return cast(Misfit, problem), x
 
 
