@@ -14,7 +14,7 @@ from .least_squares import agreed, approach, solve
 from .misfit import Misfit
 from .placement import placed
 from .servo_observation import ServoObservation
-from .tall import gram
+from .tall import gram, squared
 from .whitened import Whitened, whitened
 
 Array = NDArray[np.float64]
@@ -87,22 +87,23 @@ def finish(misfit: Misfit, x: Array) -> FitResult:
 def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Whitened]:
     """Where steps of Gauss and Newton end that look a standard deviation ahead, and what they see there: small jumps of
     the residual hold up a search that does not."""
-    around, fine = whitened(misfit, x), misfit.on_grids(x, _FINER)
+    # What is better on the instants of x alone is not: each vector is judged on its own.
+    around, r = whitened(misfit, x), misfit.on_grids(x, _FINER).residual(x)
     for _ in range(_ACROSS):
-        cost = fine.cost(x) + float(around.prior @ x**2)
-        gradient = gram(around.slopes, fine.residual(x)) + around.root.T @ (around.prior * x)
+        cost = squared(r) + float(around.prior @ x**2)
+        gradient = gram(around.slopes, r) + around.root.T @ (around.prior * x)
         step = np.linalg.solve(around.normal, gradient)
         if float(gradient @ step) < tolerance * cost:
             break
         for part in _PARTS:
             there = np.clip(x - part * (around.root @ step), *misfit.bounds)
-            finer = misfit.on_grids(there, _FINER)  # what is better on the instants of x alone is not
-            after = finer.cost(there) + float(around.prior @ there**2)
+            r = misfit.on_grids(there, _FINER).residual(there)
+            after = squared(r) + float(around.prior @ there**2)
             if after < cost:
                 break
         else:
             break
-        x, fine, around = there, finer, whitened(misfit, there)
+        x, around = there, whitened(misfit, there)
         if cost - after < tolerance * cost:
             break
     return x, around

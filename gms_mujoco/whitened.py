@@ -67,13 +67,12 @@ def whitened(misfit: Misfit, x: Array) -> Whitened:
     slopes = times(jacobian, root)
     if jumps:
         lower, upper = misfit.bounds
-        reach = misfit.reach(x)
+        room = np.minimum(np.minimum(x - lower, upper - x), misfit.reach(x))
 
         def fill(j: int) -> None:
             step = variance**0.5 * root[:, j]
-            room = np.minimum(np.where(step > 0, upper - x, x - lower), np.where(step > 0, x - lower, upper - x))
             moved = step != 0
-            part = float(np.min(np.minimum(room, reach)[moved] / np.abs(step[moved]), initial=1.0))
+            part = float(np.min(room[moved] / np.abs(step[moved]), initial=1.0))
             if part > _LEAST:
                 width = 2 * part * variance**0.5
                 slopes[:, j] = (misfit.residual(x + part * step) - misfit.residual(x - part * step)) / width

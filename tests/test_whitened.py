@@ -15,6 +15,7 @@ from gms_mujoco.whitened import whitened
 rng = np.random.default_rng(3)
 MATRIX = np.column_stack([np.ones(400), rng.uniform(0.5, 2.0, 400)])
 TARGET = MATRIX @ [1.0, 2.0] + rng.standard_normal(400)
+OFF = rng.uniform(-0.5, 0.5, 400)  # of a stair, that each row is off: they jump one after the other
 
 
 def problem(step: float, seen: float, bound: float = np.inf) -> tuple[Misfit, np.ndarray]:
@@ -24,12 +25,9 @@ def problem(step: float, seen: float, bound: float = np.inf) -> tuple[Misfit, np
     made: Any = SimpleNamespace(
         observations=[SimpleNamespace(rows_per_block=lambda duration: 10, jumps=True)], splits=[], size=2, n_common=2,
         prior=np.zeros(2), reach=np.ones_like, bounds=(x - bound, x + bound), jacobian=lambda x: -seen * MATRIX,
-        residual=lambda x: TARGET - np.round(MATRIX @ x / step + HALF) * step,
+        residual=lambda x: TARGET - np.round(MATRIX @ x / step + OFF) * step,
     )  # fmt: skip
     return cast(Misfit, made), x
-
-
-HALF = rng.uniform(-0.5, 0.5, 400)  # of a stair, that each row is off: they jump one after the other
 
 
 def test_slopes_are_those_of_the_stairs_and_not_of_one_of_them() -> None:
