@@ -15,7 +15,7 @@ from .misfit import Misfit
 from .placement import placed
 from .servo_observation import ServoObservation
 from .tall import gram, squared
-from .whitened import Whitened, whitened
+from .whitened import Whitened, root_of_inverse, whitened
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,8 @@ def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Wh
     for _ in range(_ACROSS):
         cost = squared(r) + float(around.prior @ x**2)
         gradient = gram(around.slopes, r) + around.root.T @ (around.prior * x)
-        step = np.linalg.solve(around.normal, gradient)
+        turn = root_of_inverse(around.normal)
+        step = turn @ (turn.T @ gradient)
         if float(gradient @ step) < tolerance * cost:
             break
         for part in _PARTS:
