@@ -61,7 +61,6 @@ Array = NDArray[np.float64]
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
-_AFRESH = 3  # of them, also from the beginning
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
@@ -227,9 +226,10 @@ class Search:
         return [(c.effect.name, *fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
 
     def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
-        """Rough fits from the beginning with the candidates that promise most, of those that leave a good part less.
+        """Rough fits from the beginning with each of the candidates, of those that leave less.
 
-        A plant that has bent far to hide an effect may not find back from where it is.
+        A plant that has bent far to hide an effect may not find back from where it is, and no linear refit promises
+        then what the effect would explain.
         """
         now, fits = self.steps[-1].result, self.fits
         if self.at_floor or fits.simulated:
@@ -237,10 +237,10 @@ class Search:
         near, there = now.misfit.onto(now.plant, now.vector, fits.few)
         cost = near.cost(there)
         out = []
-        for c in candidates[:_AFRESH]:
+        for c in candidates:
             report(0.9, f"trying {c.effect.name} from the beginning")
             begun = fits.afresh(now.plant, c.effect, forms(c.effect, now.plant), cost)
-            out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < (1 - LEAST_SHARE) * cost]
+            out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
         return out
 
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:

@@ -11,13 +11,13 @@ from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.habits import acting_early
 from gms_mujoco.joint_fits import JointFits
-from gms_mujoco.judgement import Trial
+from gms_mujoco.judgement import Trial, left_of
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
-from gms_mujoco.screen import Candidate
+from gms_mujoco.screen import Candidate, Screen
 from gms_mujoco.search import Search
 
 
@@ -64,3 +64,16 @@ def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: 
         assert search.at_floor
         search.add_one(silent)
         assert tried[:1] == expected
+
+
+def test_from_the_beginning_an_effect_is_tried_however_little_it_promised() -> None:
+    """Friction has bent to hide it; and what leaves no less is not looked at further."""
+    drag = effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2)
+    search = Search(observe(runs(HEALTHY + drag, seconds=1.0), J), [], UNKNOWN)
+    search.first(silent)
+    now = search.steps[0].result
+    names = ("gravity", "cogging", "spring", "quadratic_drag")
+    screen = Screen(now.misfit, now.vector)
+    found = search._afresh([c for n in names if (c := screen.candidate(effects.find(n)))], silent)
+    assert "quadratic_drag" in [name for name, *_ in found]
+    assert all(left_of(misfit, x) < left_of(now.misfit, now.vector) for _, misfit, x in found)
