@@ -79,7 +79,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         law = law.replace(fraction=share)  # equal shares are what nobody has chosen
     found: dict[str, object] = {
         "stiffness": stiffness if law.name == "gms" else _of_one_bristle(distances, levels, level),
-        "coulomb": level, "static": _WEAKER * level, "attraction": 0.1 * level / scales["s"],
+        "coulomb": level, "static": _WEAKER * level, "attraction": _attraction(level, scales),
         "creep_time": _CREEP_TIME,
     }  # fmt: skip
     out = []
@@ -105,6 +105,26 @@ def weakened(law: Effect, velocity: float) -> Effect:
     """A law of friction that weakens about another velocity [rad/s], and by enough to be seen."""
     static = max(float(np.asarray(law.static)), _WEAKER * float(np.asarray(law.coulomb)))
     return law.replace(static=static, stribeck_velocity=velocity)
+
+
+def followed_anew(plant: Plant, found: Plant, observations: Sequence[Seen]) -> Plant | None:
+    """A plant that a fit of `plant` to frequency responses found, with friction that follows its level as at the start;
+    None where the fit did not choose how fast it does, or records tell.
+
+    Few points tell little of it, and many minima that differ in it lie side by side: which of them a fit falls into,
+    rounding decides.
+    """
+    if "gms" not in plant or "attraction" not in plant["gms"].unset:
+        return None
+    if not all(isinstance(o, FrfObservation) for o in observations):
+        return None
+    law = found["gms"]
+    return found.replace(law.replace(attraction=_attraction(float(np.asarray(law.coulomb)), Scales.of(observations))))
+
+
+def _attraction(level: float, scales: Scales) -> float:
+    """Where the rate at which elements follow their level starts [N m/s]."""
+    return 0.1 * level / scales["s"]
 
 
 def _velocities(observations: Sequence[Seen], scales: Scales) -> list[float]:
