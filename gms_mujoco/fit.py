@@ -24,12 +24,15 @@ from .progress import Progress, silent
 from .refine import finish, refined, to_end
 from .rough import begun, best_start
 from .screen import Screen
-from .starts import followed_anew, other_weakenings
+from .starts import other_weakenings, slipping_anew
 from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
 _HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
+# Of friction that responses alone are told by: what a fit to them begins anew with, each time from its end. The first
+# alone, or both at once, end in several minima that lie side by side.
+_ANEW = (("attraction",), ("attraction", "static"))
 
 
 def baseline(
@@ -68,8 +71,8 @@ def fit(
     data; the others start where they are. Of several starts the one that leaves the least after a few steps goes on;
     where it ends above the noise floor it goes on with the weakening of friction that each of them began with, until
     one comes down to the floor. One that does not takes no place: beside an effect that the plant lacks, the lowest is
-    the friction that has bent furthest to hide it. Responses alone are fitted once more from the end, with friction
-    that follows its level as at the start.
+    the friction that has bent furthest to hide it. Responses alone are fitted twice more, each from the end so far:
+    with elements that follow their level as at the start, then with a level that falls as at the start too.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
     variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.
@@ -165,11 +168,12 @@ def _from_the_data(
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = refined(misfit, x)
-    if other := followed_anew(plant, misfit.plant(x), misfit.observations):
-        report(0.7, "following the level of friction anew")
-        anew, there = misfit.onto(other, x, fixed=fixed)
-        there = refined(anew, there, below=min(below, misfit.cost(x)))
-        misfit, x = (anew, there) if anew.cost(there) < misfit.cost(x) else (misfit, x)
+    for names in _ANEW:
+        if other := slipping_anew(plant, misfit.plant(x), misfit.observations, names):
+            report(0.7, f"beginning anew with {' and '.join(names)}")
+            anew, there = misfit.onto(other, x, fixed=fixed)
+            there = refined(anew, there, below=min(below, misfit.cost(x)))
+            misfit, x = (anew, there) if anew.cost(there) < misfit.cost(x) else (misfit, x)
     return misfit, x
 
 

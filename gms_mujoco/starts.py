@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -107,19 +107,20 @@ def weakened(law: Effect, velocity: float) -> Effect:
     return law.replace(static=static, stribeck_velocity=velocity)
 
 
-def followed_anew(plant: Plant, found: Plant, observations: Sequence[Seen]) -> Plant | None:
-    """A plant that a fit of `plant` to frequency responses found, with friction that follows its level as at the start;
-    None where the fit did not choose how fast it does, or records tell.
+def slipping_anew(plant: Plant, found: Plant, observations: Sequence[Seen], names: Collection[str]) -> Plant | None:
+    """A plant that a fit of `plant` to frequency responses found, with values of `names` (`attraction`, `static`) for
+    its friction as at the start; None where the fit did not choose these, or records tell.
 
-    Few points tell little of it, and many minima that differ in it lie side by side: which of them a fit falls into,
-    rounding decides.
+    Few points tell little of how fast elements follow their level and of how far that falls, and many minima that
+    differ in them lie side by side: which of them a fit falls into, rounding decides.
     """
-    if "gms" not in plant or "attraction" not in plant["gms"].unset:
+    if "gms" not in plant or not set(names) <= set(plant["gms"].unset):
         return None
     if not all(isinstance(o, FrfObservation) for o in observations):
         return None
-    law = found["gms"]
-    return found.replace(law.replace(attraction=_attraction(float(np.asarray(law.coulomb)), Scales.of(observations))))
+    law, level = found["gms"], float(np.asarray(found["gms"].coulomb))
+    begun = {"attraction": _attraction(level, Scales.of(observations)), "static": _WEAKER * level}
+    return found.replace(law.replace(**{name: begun[name] for name in names}))
 
 
 def _attraction(level: float, scales: Scales) -> float:
