@@ -43,7 +43,14 @@ _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a pla
 
 @dataclass(frozen=True)
 class Rejected:
-    """An effect that was tried on the final plant and did not earn its place."""
+    """An effect that was tried on the final plant and did not earn its place.
+
+    Attributes:
+        effect: its name.
+        p_value: how easily chance alone would lower the error on held-out blocks as much.
+        validate_error: with it, from a joint fit where one was made, else from the linear refit that it was judged by,
+            or without it where that leaves less; None where no records validate.
+    """
 
     effect: str
     p_value: float
@@ -247,8 +254,8 @@ def diagnose(
     )  # fmt: skip
     comparison = steps[-1].comparison
     rejected = tuple(
-        Rejected(name, p, quick_error(trial, validate, comparison) if comparison else None)
-        for name, p, trial in search.rejected
+        Rejected(t.name, t.p_value, quick_error(search.tried(t), validate, comparison) if comparison else None)
+        for t in search.rejected
     )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")

@@ -19,7 +19,7 @@ from .misfit import Misfit
 from .plant import Plant
 from .refine import refine
 from .screen import Screen
-from .search import Search, Step
+from .search import Search, Step, Tried
 
 Array = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ def _against(search: Search, k: int) -> tuple[FitResult, HeldOut, float, float]:
 
 def _reject(search: Search, k: int) -> None:
     step = search.steps[k]
-    search.rejected.append((str(step.effect), step.p_value, search.steps[-1].result.plant))
+    search.rejected.append(Tried(str(step.effect), step.p_value, search.steps[-1].result.plant, True))
 
 
 def _drop(search: Search, k: int, left: FitResult, held_out: HeldOut) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,22 @@ class Step:
         return None if self.comparison is None else self.comparison.error
 
 
+class Tried(NamedTuple):
+    """An effect that was looked at and left out.
+
+    Attributes:
+        name: of the effect.
+        p_value: of the fall of the error on held-out blocks.
+        plant: with the effect: fitted jointly, or where such a fit would begin.
+        fitted: whether it was.
+    """
+
+    name: str
+    p_value: float
+    plant: Plant
+    fitted: bool
+
+
 class Search:
     """The state of the loop: the steps so far, and what the last round thought of every candidate.
 
@@ -111,7 +128,7 @@ class Search:
     ) -> None:
         self.seen, self.select, self.start, self.without = list(seen), list(select), start, without
         self.steps: list[Step] = []
-        self.rejected: list[tuple[str, float, Plant]] = []
+        self.rejected: list[Tried] = []
         self.false: set[str] = set()  # effects that were added and taken away again
         self.hint = ""  # what explains more than anything in the catalogue
 
@@ -137,6 +154,13 @@ class Search:
         out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
         out.seen, out.rejected, out.false, out.hint = list(self.seen), [], set(), ""
         return out
+
+    def tried(self, one: Tried) -> Plant:
+        """The plant with an effect that was left out; of one that was never fitted jointly, the plant without it where
+        that leaves less of what was fitted."""
+        last = self.steps[-1].result
+        near, x = last.misfit.onto(one.plant, last.vector)
+        return one.plant if one.fitted or near.cost(x) < last.misfit.cost(last.vector) else last.plant
 
     def become(self, other: Search) -> None:
         """Goes on where another search has ended."""
@@ -179,8 +203,11 @@ class Search:
             if not added and (begun := more()):
                 trials += self._trials(begun, p_values, report)
                 added = self._accept(trials, p_values)
-        plants |= {name: r.plant for name, r, _ in trials}
-        self.rejected = [(name, p, plants[name]) for name, p in p_values.items() if name not in current.plant]
+        fitted = {name: r.plant for name, r, _ in trials}
+        plants |= fitted
+        self.rejected = [
+            Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
+        ]
         return added
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:

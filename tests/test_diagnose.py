@@ -210,6 +210,14 @@ def test_the_dictionary_is_that_of_the_contract(found: dict[str, Diagnosis], nam
     assert len(set(tried)) == len(tried) and not set(tried) & {s["effect"] for s in added}
 
 
+@pytest.mark.parametrize("name", ["", *HIDDEN])
+def test_effects_left_out_are_told_by_the_error_of_a_fit(found: dict[str, Diagnosis], name: str) -> None:
+    """At the noise floor one parameter more changes hardly anything."""
+    d = found[name]
+    for c in d.candidates:
+        assert c.validate_error == pytest.approx(d.steps[-1].validate_error, rel=0.1), c.effect
+
+
 def test_it_starts_from_the_plant_that_is_given(found: dict[str, Diagnosis]) -> None:
     """A model that has the effect already is found adequate; its effect is part of the baseline."""
     hidden = HEALTHY + HIDDEN["gravity"]
