@@ -253,10 +253,12 @@ def diagnose(
         for i, s in enumerate(search.steps)
     )  # fmt: skip
     comparison = steps[-1].comparison
-    rejected = tuple(
-        Rejected(t.name, t.p_value, quick_error(search.tried(t), validate, comparison) if comparison else None)
-        for t in search.rejected
-    )
+    rejected = tuple(Rejected(t.name, t.p_value) for t in search.rejected)
+    if comparison:
+        rejected = tuple(
+            Rejected(name, p, comparison.error if near is None else quick_error(near, validate, comparison))
+            for name, p, near in search.left_out()
+        )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, moments, said)

@@ -171,9 +171,10 @@ def _from_the_data(
     for names in _ANEW:
         if other := slipping_anew(plant, misfit.plant(x), misfit.observations, names):
             report(0.7, f"beginning anew with {' and '.join(names)}")
+            least = misfit.cost(x)
             anew, there = misfit.onto(other, x, fixed=fixed)
-            there = refined(anew, there, below=min(below, misfit.cost(x)))
-            misfit, x = (anew, there) if anew.cost(there) < misfit.cost(x) else (misfit, x)
+            there = refined(anew, there, below=min(below, least))
+            misfit, x = (anew, there) if anew.cost(there) < least else (misfit, x)
     return misfit, x
 
 

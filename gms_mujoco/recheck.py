@@ -142,7 +142,7 @@ def _against(search: Search, k: int) -> tuple[FitResult, HeldOut, float, float]:
 
 def _reject(search: Search, k: int) -> None:
     step = search.steps[k]
-    search.rejected.append(Tried(str(step.effect), step.p_value, search.steps[-1].result.plant, True))
+    search.rejected.append(Tried(str(step.effect), step.p_value, search.steps[-1].result.plant, fitted=True))
 
 
 def _drop(search: Search, k: int, left: FitResult, held_out: HeldOut) -> None:

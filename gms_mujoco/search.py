@@ -155,12 +155,17 @@ class Search:
         out.seen, out.rejected, out.false, out.hint = list(self.seen), [], set(), ""
         return out
 
-    def tried(self, one: Tried) -> Plant:
-        """The plant with an effect that was left out; of one that was never fitted jointly, the plant without it where
-        that leaves less of what was fitted."""
+    def left_out(self) -> list[tuple[str, float, Plant | None]]:
+        """Effects that were left out, their p values, and the plants with them; None where an effect that was never
+        fitted jointly leaves no less of what was fitted than the plant without it."""
         last = self.steps[-1].result
-        near, x = last.misfit.onto(one.plant, last.vector)
-        return one.plant if one.fitted or near.cost(x) < last.misfit.cost(last.vector) else last.plant
+        cost = last.misfit.cost(last.vector)
+
+        def leaves_less(plant: Plant) -> bool:
+            near, x = last.misfit.onto(plant, last.vector)
+            return near.cost(x) < cost
+
+        return [(t.name, t.p_value, t.plant if t.fitted or leaves_less(t.plant) else None) for t in self.rejected]
 
     def become(self, other: Search) -> None:
         """Goes on where another search has ended."""
