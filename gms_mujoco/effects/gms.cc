@@ -31,10 +31,15 @@ double keep(int n, const double* state, double* next) {
 }
 
 // The Stribeck curve and what is left of a difference to it, at the mean velocity of the interval.
-inline double curve_of(const double* c, const Motion& m) { return gms::stribeck_level(m, c[0], c[1], c[2], c[3]); }
+inline double curve_of(const double* c, const Motion& m, double exponent) {
+  return gms::stribeck_level(m, c[0], c[1], c[2], exponent);
+}
+inline double curve_of(const double* c, const Motion& m) { return curve_of(c, m, c[3]); }
 inline double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
+
+constexpr double kFar = 1e300;  // a level that nothing reaches
 
 // What the elements of a joint need to know of an interval in which it has moved.
 struct Way {
@@ -51,6 +56,11 @@ struct Way {
     carried = -curve * against;
     left = remains;
   }
+  // Where no element comes near a limit, as if there were none.
+  void hold() {
+    level = kFar;
+    carried = lowest = -kFar;
+  }
 };
 
 // But for what the Stribeck curve says, which is dear.
@@ -64,40 +74,81 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
           -p[2 * n + 1] * against, drops && scale < other ? scale / other : 1, at.stiffens && scale < other, 0, 0, 0};
 }
 
-// Each element sticks or slides at the level, of which `left` is what has not decayed over the interval. Without branches,
-// so that compilers take several elements at a time, and nobody has to guess what an element does.
-template <bool kBack>  // by the letter: whatever is beyond its level slips
-inline double moved(const double* p, int n, const Way& way, const double* __restrict state, double* __restrict next) {
-  const double *stiffness = p, *fraction = p + n;
-  const Way x = way;  // `next` does not write into it
-  for (int i = 0; i < n; i++) {
-    // Forces here grow in the direction of motion.
-    const double slip = state[2 * i + kSlip];
-    const double before = x.direction * state[2 * i + kForce] * (slip == -x.direction ? x.kept : 1.0);
-    const double limit = fraction[i] * x.level, carried = fraction[i] * x.carried;
-    const double lowest = fraction[i] * x.lowest, stuck = before + stiffness[i] * x.distance;
-    // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
-    // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
-    // before falls to what friction now lets it carry at rest and relaxes to what it would while sliding, and it sticks:
-    // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
-    // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
-    const bool goes_on = slip == x.direction, below = stuck < lowest;
-    const bool back = kBack & (stuck < -limit);
-    const bool slips = goes_on | back | (stuck > limit) | (x.gives_way & below);
-    const double least = back ? -2 * limit : below ? lowest - limit : 0;
-    const double beyond = before - limit, held = below ? lowest : stuck;
-    const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
-    next[2 * i + kForce] = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
-    next[2 * i + kSlip] = slips ? x.direction : 0;
-  }
-  double total = 0;
-  for (int i = 0; i < n; i++) total += next[2 * i + kForce];
-  return -total;
+// One element: it sticks or slides at the level, of which `left` is what has not decayed over the interval. Without
+// branches, so that compilers take several at a time and nobody has to guess what an element does. kBack: by the letter,
+// whatever is beyond its level slips. kEven: friction is alike in both directions, and what can happen only where it is
+// not is left out, to the same bit.
+template <bool kBack, bool kEven>
+inline void follow(const Way& x, double stiffness, double fraction, double* force, double* slip) {
+  // Forces here grow in the direction of motion.
+  const double before = x.direction * *force * (kEven || *slip != -x.direction ? 1.0 : x.kept);
+  const double limit = fraction * x.level, carried = kEven ? -limit : fraction * x.carried;
+  const double lowest = fraction * x.lowest, stuck = before + stiffness * x.distance;
+  // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
+  // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
+  // before falls to what friction now lets it carry at rest and relaxes to what it would while sliding, and it sticks:
+  // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
+  // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
+  const bool goes_on = *slip == x.direction, below = stuck < lowest;
+  const bool back = kBack & (stuck < -limit), gives_way = !kEven & x.gives_way & below;
+  const bool slips = goes_on | back | (stuck > limit) | gives_way;
+  const double least = back ? -2 * limit : gives_way ? lowest - limit : 0;
+  const double beyond = before - limit, held = below ? lowest : stuck;
+  const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
+  *force = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
+  *slip = slips ? x.direction : 0;
 }
 
-inline double move(const double* p, int n, const Way& way, const double* state, double* next) {
-  if (p[2 * n + kSlipsBack] > 0) return moved<true>(p, n, way, state, next);
-  return moved<false>(p, n, way, state, next);
+constexpr int kBlock = 4;  // elements that are followed at once: as many as a vector of AVX holds
+
+// N elements. What is read is read before anything is written, so that `state` and `next` may be the same. Returns `total`
+// with their torques.
+template <int N, bool kBack, bool kEven>
+inline double block(const double* __restrict stiffness, const double* __restrict fraction, const Way& x,
+                    const double* state, double* next, double total) {
+  double force[N], slip[N];
+  for (int i = 0; i < N; i++) {
+    force[i] = state[2 * i + kForce];
+    slip[i] = state[2 * i + kSlip];
+  }
+  for (int i = 0; i < N; i++) follow<kBack, kEven>(x, stiffness[i], fraction[i], &force[i], &slip[i]);
+  for (int i = 0; i < N; i++) {
+    next[2 * i + kForce] = force[i];
+    next[2 * i + kSlip] = slip[i];
+    total -= force[i];
+  }
+  return total;
+}
+
+// The same, as a call: merged into a loop over blocks they would be taken apart again.
+template <int N, bool kBack, bool kEven>
+GMS_APART double called(const double* stiffness, const double* fraction, const Way& x, const double* state, double* next,
+                        double total) {
+  return block<N, kBack, kEven>(stiffness, fraction, x, state, next, total);
+}
+
+template <bool kBack, bool kEven>
+inline double moved(const double* p, int n, const Way& x, const double* state, double* next) {
+  double total = 0;
+  int i = 0;
+  for (; i + kBlock <= n; i += kBlock) {
+    total = called<kBlock, kBack, kEven>(p + i, p + n + i, x, state + 2 * i, next + 2 * i, total);
+  }
+  for (; i < n; i++) total = called<1, kBack, kEven>(p + i, p + n + i, x, state + 2 * i, next + 2 * i, total);
+  return total;
+}
+
+inline double move(const double* p, int n, const Level& level, const Way& x, const double* state, double* next) {
+  if (p[2 * n + kSlipsBack] > 0) return moved<true, false>(p, n, x, state, next);
+  if (level.forward == level.backward) return moved<false, true>(p, n, x, state, next);
+  return moved<false, false>(p, n, x, state, next);
+}
+
+// Four elements where nothing modulates friction.
+GMS_APART double four(const double* p, const Motion& m, double curve, double left, const double* state, double* next) {
+  Way way = way_of(p, kBlock, m, Level());
+  way.follow(curve, left);
+  return block<kBlock, false, true>(p, p + kBlock, way, state, next, 0);
 }
 
 // What is dear first, for one joint after the other: nothing waits for the joint before, and nobody guesses what it does.
@@ -109,11 +160,17 @@ inline void each(const double* const* p, int n, int count, const Motion* m, cons
   for (int j = 0; j < count; j++) curve[j] = curve_of(p[j] + 2 * n, m[j]);
   for (int j = 0; j < count; j++) left[j] = left_of(p[j] + 2 * n, m[j], curve[j] * of(j).at(m[j].displacement));
   for (int j = 0; j < count; j++) {
-    const double* from = state[j] + at;
+    const double *from = state[j] + at, *c = p[j] + 2 * n;
     double* to = next[j] + at;
-    Way way = way_of(p[j], n, m[j], of(j));
-    way.follow(curve[j], left[j]);
-    out[j] = m[j].displacement == 0 ? keep(n, from, to) : move(p[j], n, way, from, to);
+    if (m[j].displacement == 0) {
+      out[j] = keep(n, from, to);
+    } else if (kPlain && n == kBlock && !(c[kSlipsBack] > 0)) {
+      out[j] = four(p[j], m[j], curve[j], left[j], from, to);
+    } else {
+      Way way = way_of(p[j], n, m[j], of(j));
+      way.follow(curve[j], left[j]);
+      out[j] = move(p[j], n, of(j), way, from, to);
+    }
   }
 }
 
@@ -140,29 +197,48 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
   for (int j = 0; j < count; j++) curve[j] = known[j] ? curve[j - 1] : curve_of(p[j] + 2 * n, m);
   for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, curve[j] * way[j].along);
   for (int j = 0; j < count; j++) way[j].follow(curve[j], left[j]);
-  for (int j = 0; j < count; j++) out[j] = move(p[j], n, way[j], state[j], next[j]);
+  for (int j = 0; j < count; j++) out[j] = move(p[j], n, level[j], way[j], state[j], next[j]);
+}
+
+// Whether an element does more than stick well below its limit: then it has to know the Stribeck curve, which is dear.
+inline long long slides(const Way& x, double stiffness, double fraction, double most, double least, double force, double slip) {
+  const double stuck = x.direction * force + stiffness * x.distance;
+  const bool turns = (x.kept < 1) & (slip != 0);
+  return (stuck > fraction * most) | (stuck < fraction * least) | (slip == x.direction) | turns;
+}
+
+// kUsual: four elements, an exponent of 1, nothing that modulates friction: without a loop or a call.
+template <bool kUsual>
+inline double torque_of(const double* p, int any, const Motion& m, const Level& given, const double* state, double* next) {
+  const int n = kUsual ? kBlock : any;
+  const Level level = kUsual ? Level() : given;
+  if (m.displacement == 0) return keep(n, state, next);
+  Way way = way_of(p, n, m, level);
+  const double most = p[2 * n] * way.along, least = -p[2 * n] * way.against;
+  long long slide = 0;
+  for (int i = 0; i < n; i++) {
+    slide |= slides(way, p[i], p[n + i], most, least, state[2 * i + kForce], state[2 * i + kSlip]);
+  }
+  if (slide) {
+    const double curve = curve_of(p + 2 * n, m, kUsual ? 1 : p[2 * n + 3]);
+    way.follow(curve, left_of(p + 2 * n, m, curve * way.along));
+  } else {
+    way.hold();
+  }
+  return kUsual ? block<kBlock, false, true>(p, p + n, way, state, next, 0) : move(p, n, level, way, state, next);
 }
 
 double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
-  if (m.displacement == 0) return keep(n, state, next);
-  // While every element sticks well below its limit nobody needs the Stribeck curve, which is dear.
-  const double *stiffness = p, *fraction = p + n;
-  Way way = way_of(p, n, m, level);
-  const double most = p[2 * n] * way.along, least = -p[2 * n] * way.against;
-  double total = 0;
-  for (int i = 0; i < n; i++) {
-    const double force = way.direction * state[2 * i + kForce] + stiffness[i] * way.distance;
-    const bool sticks = force <= fraction[i] * most && force >= fraction[i] * least;
-    if (state[2 * i + kSlip] == way.direction || (way.kept < 1 && state[2 * i + kSlip] != 0) || !sticks) {
-      const double curve = curve_of(p + 2 * n, m);
-      way.follow(curve, left_of(p + 2 * n, m, curve * way.along));
-      return move(p, n, way, state, next);
-    }
-    next[2 * i + kForce] = way.direction * force;
-    next[2 * i + kSlip] = 0;
-    total += force;
-  }
-  return -way.direction * total;
+  return torque_of<false>(p, n, m, level, state, next);
+}
+
+double usual(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {
+  return torque_of<true>(p, n, m, level, state, next);
+}
+
+gms::Law* plain(const double* p, int n) {
+  const double* c = p + 2 * n;
+  return n == kBlock && c[3] == 1 && !(c[kSlipsBack] > 0) ? usual : torque;
 }
 
 void elements(const double* state, int n, double* torque) {
@@ -204,4 +280,5 @@ const gms::Effect gms_effect_gms = {
     false,
     torques,
     alternatives,
+    plain,
 };

@@ -13,15 +13,19 @@
 #endif
 
 // Before a function that is not to be merged into its callers: what is called in every step, often for nothing, stays
-// short. GMS_SELDOM: besides, it is called seldom.
+// short. GMS_SELDOM: besides, it is called seldom. GMS_MERGED: always merged, since it would cost less than the call.
 #if defined(GMS_MUJOCO_KERNEL)
 #define GMS_APART inline
+#define GMS_SELDOM
+#define GMS_MERGED inline
 #elif defined(_MSC_VER)
 #define GMS_APART __declspec(noinline)
 #define GMS_SELDOM __declspec(noinline)
+#define GMS_MERGED __forceinline
 #else
 #define GMS_APART __attribute__((noinline))
 #define GMS_SELDOM __attribute__((noinline, cold))
+#define GMS_MERGED inline __attribute__((always_inline))
 #endif
 
 namespace gms {
@@ -71,6 +75,8 @@ struct Parameter {
   const char* at_least = nullptr;  // name of an earlier parameter that is a lower bound for this one
 };
 
+using Law = double(const double* p, int n, const Motion& motion, const Level& level, const double* state, double* next);
+
 struct Effect {
   const char* name;        // the file's name
   const char* class_name;  // the Python class
@@ -90,11 +96,10 @@ struct Effect {
   // Scales the level of the joint's friction laws. Null where the effect does not modulate friction.
   void (*modulate)(const double* p, int n, const Motion& motion, Level& level);
 
-  // Torque on the joint [N m] at the end of the interval, and the state there. `state` and `next` may not
-  // overlap. With zero displacement and zero duration the state does not change, but that it may take in the
-  // velocity: so it learns at the first sample what it sets out with. Null: no torque of its own.
-  double (*torque)(const double* p, int n, const Motion& motion, const Level& level,
-                   const double* state, double* next);
+  // Torque on the joint [N m] at the end of the interval, and the state there. `next` may be `state`: what is read of it
+  // is read before anything is written. With zero displacement and zero duration the state does not change, but that it
+  // may take in the velocity: so it learns at the first sample what it sets out with. Null: no torque of its own.
+  Law* torque;
 
   // Torques of the n elements, from the state that `torque` has written. Only where no element knows of the others, each
   // has one unknown of memory, and their torques add up to that of the effect; else null.
@@ -117,6 +122,10 @@ struct Effect {
   // The same for joints that move alike.
   void (*alternatives)(const double* const* p, int n, int count, const Motion& motion, const Level* level,
                        const double* const* state, double* const* next, double* torque) = nullptr;
+
+  // The function that gives what `torque` does, to the last bit, where nothing modulates friction and the parameters are
+  // these. Null: `torque` itself.
+  Law* (*plain)(const double* p, int n) = nullptr;
 };
 
 // The parameters `p` of an effect with n elements lie in the order of its table, n values for one that is per
@@ -162,7 +171,7 @@ struct PowersOfHalf {
 inline const PowersOfHalf kPowersOfHalf;
 
 // e^-x for x >= 0 to a few units in the last place, the same on every machine, and in half the time of std::exp.
-inline double decay(double x) {
+GMS_MERGED double decay(double x) {
   constexpr int n = PowersOfHalf::kParts;
   constexpr double ln2 = 0.6931471805599453;
   if (!(x < 700)) return x != x ? x : 0;
@@ -177,10 +186,12 @@ inline double decay(double x) {
 }
 #endif
 
+GMS_SELDOM inline double power(double x, double exponent) { return std::pow(x, exponent); }
+
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
 // 2014, equation 1, without its viscous term), at v / Vs.
 inline double weakened(double x, double coulomb, double static_level, double delta) {
-  const double size = std::fabs(x), y = delta == 1 ? size : delta == 2 ? x * x : std::pow(size, delta);
+  const double size = std::fabs(x), y = delta == 1 ? size : delta == 2 ? x * x : power(size, delta);
   return coulomb + (static_level - coulomb) * decay(y);
 }
 

@@ -12,6 +12,14 @@ namespace {
 constexpr double kLoose = 0.3;   // h slope / inertia up to which what others do to a joint may be that of the last step
 constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
 
+// Equal to the last bit: what follows from the same numbers is the same, and need not be worked out again.
+inline bool same(double a, double b) {
+  std::uint64_t x, y;
+  std::memcpy(&x, &a, sizeof x);
+  std::memcpy(&y, &b, sizeof y);
+  return x == y;
+}
+
 // Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
 // that is left for the coupling between joints, and below it the explicit step is the more accurate one.
 GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
@@ -26,7 +34,7 @@ GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
 
 // The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
 void set_out(const Unit& x, mjData* d) {
-  double *state = x.state(d), first[Joint::kMaxState];
+  double *state = x.state, first[Joint::kMaxState];
   state[0] = state[1] = std::nan("");
   x.joint->torque(x.now(d), state, first);
   std::copy(first, first + x.n_state, state);
@@ -47,7 +55,8 @@ double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, 
 }
 
 // The torque to begin with where the last advance has not left just this.
-GMS_SELDOM double look(const mjModel* m, mjData* d, const Unit& x, double* state, double* book) {
+GMS_SELDOM double look(const mjModel* m, mjData* d, const Unit& x) {
+  double *state = x.state, *book = x.book;
   // Setting a position after a reset, or turning time back, is no motion.
   if (d->time < state[1]) book[kFresh] = 1;
   if (book[kFresh] != 0 && !(d->time > state[1])) set_out(x, d);
@@ -126,10 +135,10 @@ const double* implicit_damping(const mjModel* m) {
 // Puts the torque of a late joint over the step into qfrc_passive, in the place of the last one. Adding the difference
 // would be wrong by a rounding error each time.
 inline void finish(Unit* x, mjData* d, double f, double slope) {
-  double* book = x->book(d);
+  double* book = x->book;
   book[kTorque] = f;
   book[kNextSlope] = slope;
-  d->qfrc_passive[x->dof] = x->sum = x->base + f;
+  *x->passive = x->sum = x->base + f;
   x->own += f;
 }
 
@@ -137,7 +146,7 @@ inline void finish(Unit* x, mjData* d, double f, double slope) {
 // step, and M is not even solved with: their friction at the end of the last step is their friction at the beginning of
 // this one.
 inline Alone loose(const mjModel* m, const mjData* d, const Unit& x) {
-  const double *state = d->plugin_state + x.state_start, *book = state + x.n_state, start = book[kAhead];
+  const double *state = x.state, *book = x.book, start = book[kAhead];
   const double h = m->opt.timestep;
   const Sample now = x.now(d);
   const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
@@ -155,7 +164,7 @@ GMS_APART void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int 
       const Unit& x = *units[i + n];
       alone[n] = loose(m, d, x);
       t.joint[n] = x.joint;
-      t.state[n] = x.state(d);
+      t.state[n] = x.state;
       t.motion[n] = alone[n].ahead(t.state[n], m->opt.timestep);
     }
     solve_alone(n, alone, m->opt.timestep, &t);
@@ -168,14 +177,14 @@ GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, 
   Implicit::Unit few[kFew], *units = count <= kFew ? few : g->many.data();
   for (int i = 0; i < count; i++) {
     const Unit& x = *g->active[i];
-    const double* book = x.book(d);
+    const double* book = x.book;
     auto& u = units[i];
     u.joint = x.joint;
     u.dof = x.dof;
     u.weight = x.weight;
     u.steepest = x.slope;
     u.now = x.now(d);
-    u.state = x.state(d);
+    u.state = x.state;
     u.torque = book[kAhead];
     u.slope = book[kSlope];
   }
@@ -193,15 +202,15 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   bool all_loose = true;
   for (Instance* instance : g->instances) {
     for (Unit& x : instance->units) {
-      if (!x.late() || x.asleep(d)) continue;
-      const double* state = x.state(d);
+      if (!x.late() || x.asleep()) continue;
+      const double* state = x.state;
       if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
-      if (d->qfrc_passive[x.dof] != x.sum) {  // another has added to it since we wrote: that stays
-        x.base += d->qfrc_passive[x.dof] - x.sum;
-        x.sum = d->qfrc_passive[x.dof];
+      if (*x.passive != x.sum) {  // another has added to it since we wrote: that stays
+        x.base += *x.passive - x.sum;
+        x.sum = *x.passive;
       }
       x.own = x.base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof];
-      all_loose &= x.stiffness <= kLoose && state[x.n_state + kFromOthers] != kInfinity;
+      all_loose &= x.stiffness <= kLoose && x.book[kFromOthers] != kInfinity;
       g->active[n++] = &x;
     }
   }
@@ -224,19 +233,69 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
     solve_loose(m, d, active, n);
   } else {
     Unit* x = active[0];
-    finish(x, d, loose(m, d, *x).torque(*x->joint, x->state(d), m->opt.timestep, kLooks), -1);
+    finish(x, d, loose(m, d, *x).torque(*x->joint, x->state, m->opt.timestep, kLooks), -1);
   }
+}
+
+// Whether MuJoCo calls us again in this step, among the actuators or at the control callback.
+bool called_later(const mjModel* m) {
+  return !(m->opt.disableflags & mjDSBL_ACTUATION) && (m->nactuator > 0 || *engine.mjcb_control == gms_control);
+}
+
+void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias) {
+  std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
+  evaluate_late(m, d, g, bias, g->actuator.data());
+}
+
+// The late joints of a model in which nothing calls us after the passive forces.
+GMS_SELDOM void take_now(const mjModel* m, mjData* d, Group* g) {
+  double* bias = g->bias.data();
+  std::fill(bias, bias + m->nv, 0.0);
+  engine.mj_rne(m, d, 0, bias);
+  compute_unactuated(m, d, g, bias);
+}
+
+inline void take_unless_later(const mjModel* m, mjData* d, Group* g, const Instance* instance) {
+  if (g->n_late > 0 && instance == g->instances.back() && !called_later(m)) take_now(m, d, g);
+}
+
+inline bool chosen(const mjModel* m, const Unit& x) {
+  return same(x.timestep, m->opt.timestep) && same(x.weight, m->dof_invweight0[x.dof]);
+}
+
+// Whether the last advance has evaluated just this, as it has as a rule, and nobody has asked for another acceleration.
+inline bool known(const mjData* d, const Unit& x) {
+  return same(d->time, x.state[1]) && same(*x.position, x.state[0]) && same(*x.velocity, x.book[kAheadVelocity]) &&
+         same(x.book[kFresh], 0) && (!x.late() || same(d->qacc[x.dof], x.book[kPastAcceleration]));
+}
+
+// Then a late joint begins with the torque that it had.
+inline double known_torque(const Unit& x) { return x.book[x.late() ? kTorque : kAhead]; }
+
+inline void give(Unit* x, double f) {
+  x->book[kTorque] = f;
+  x->base = *x->passive;
+  *x->passive = x->sum = x->base + f;
+}
+
+// From the joint `x` of an instance on.
+GMS_SELDOM void look_from(const mjModel* m, mjData* d, Group* g, Instance* instance, Unit* x) {
+  for (Unit* end = instance->units.data() + instance->units.size(); x < end; x++) {
+    if (!chosen(m, *x)) choose_integration(m, g, x);
+    if (!x->asleep()) give(x, known(d, *x) ? known_torque(*x) : look(m, d, *x));
+  }
+  take_unless_later(m, d, g, instance);
 }
 
 // The step is over. Notes where the joint is now, and says how it has moved.
 inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x) {
-  double *state = d->plugin_state + x.state_start, *book = state + x.n_state;
+  double *state = x.state, *book = x.book;
   if (x.reads_load) {  // what the drive gives, less what friction and the rotor take
     const double drive = (m->nactuator > 0 ? d->qfrc_actuator : d->qfrc_applied)[x.dof];
     book[kLoad] = drive + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
   }
   book[kFresh] = 0;
-  book[kAheadVelocity] = d->qvel[x.dof];
+  book[kAheadVelocity] = *x.velocity;
   if (x.late()) {
     book[kPastAcceleration] = d->qacc[x.dof];
     book[kSlope] = book[kNextSlope];
@@ -245,28 +304,44 @@ inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x) {
   return Joint::since(x.now(d), state);
 }
 
+// A joint that sleeps is where it was, whatever the time.
+void sleep(const mjData* d, const Unit& x) {
+  if (!std::isnan(x.state[1])) x.state[1] = d->time;
+}
+
+GMS_APART void advance_all(const mjModel* m, mjData* d, Instance* instance) {
+  Together t;
+  const Unit *x = instance->units.data(), *end = x + instance->units.size();
+  while (x < end) {
+    const Unit* from[kTogether];
+    const Joint& joint = *x->joint;
+    int n = 0;
+    for (; x < end && n < joint.at_once() && x->joint->alike(joint); x++) {
+      if (x->asleep()) {
+        sleep(d, *x);
+        continue;
+      }
+      from[n] = x;
+      t.joint[n] = x->joint;
+      t.state[n] = x->state;
+      t.motion[n++] = arrive(m, d, *x);
+    }
+    if (n > 0) Joint::torques(n, t.joint, t.motion, t.state, t.state, t.torque);
+    for (int j = 0; j < n; j++) from[j]->book[kAhead] = t.torque[j];
+  }
+}
+
 }  // namespace
 
+// Short, and without a call but at its end: most steps of most models take no more.
 GMS_APART void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) {
   for (Unit& x : instance->units) {
-    if (x.timestep != m->opt.timestep || x.weight != m->dof_invweight0[x.dof]) choose_integration(m, g, &x);
-    if (x.asleep(d)) continue;
-    double *state = x.state(d), *book = state + x.n_state, *total = d->qfrc_passive + x.dof;
-    // As a rule the last advance has evaluated just this, and nobody has asked for another acceleration.
-    const bool known = d->time == state[1] && d->qpos[x.qpos] == state[0] && d->qvel[x.dof] == book[kAheadVelocity] &&
-                       book[kFresh] == 0;
-    double f;
-    if (known && !x.late()) {
-      f = book[kAhead];
-    } else if (known && d->qacc[x.dof] == book[kPastAcceleration]) {
-      f = book[kTorque];
-    } else {
-      f = look(m, d, x, state, book);
-    }
-    book[kTorque] = f;
-    x.base = *total;
-    *total = x.sum = x.base + f;
+    if (!chosen(m, x)) return look_from(m, d, g, instance, &x);
+    if (x.asleep()) continue;
+    if (!known(d, x)) return look_from(m, d, g, instance, &x);
+    give(&x, known_torque(x));
   }
+  take_unless_later(m, d, g, instance);
 }
 
 GMS_APART void compute_late(const mjModel* m, mjData* d, Group* g) {
@@ -282,40 +357,13 @@ GMS_APART void compute_late(const mjModel* m, mjData* d, Group* g) {
   evaluate_late(m, d, g, d->qfrc_bias, torque);
 }
 
-void compute_unactuated(const mjModel* m, mjData* d, Group* g, const double* bias) {
-  std::fill(g->actuator.begin(), g->actuator.end(), 0.0);
-  evaluate_late(m, d, g, bias, g->actuator.data());
-}
+void compute_at_control(const mjModel* m, mjData* d, Group* g) { compute_unactuated(m, d, g, d->qfrc_bias); }
 
 void advance(const mjModel* m, mjData* d, Instance* instance) {
-  if (instance->units.size() == 1 && !instance->units[0].asleep(d)) {
-    const Unit& x = instance->units[0];
-    double *state = x.state(d), before[Joint::kMaxState];
-    std::memcpy(before, state, x.n_state * sizeof(double));
-    state[x.n_state + kAhead] = x.joint->torque_over(arrive(m, d, x), before, state);
-    return;
-  }
-  Together t;
-  const Unit *x = instance->units.data(), *end = x + instance->units.size();
-  while (x < end) {
-    const Joint& joint = *x->joint;
-    const int size = x->n_state;
-    int n = 0;
-    for (; x < end && n < joint.at_once() && x->joint->alike(joint); x++) {
-      if (x->asleep(d)) {
-        double* state = x->state(d);
-        if (!std::isnan(state[1])) state[1] = d->time;
-        continue;
-      }
-      t.joint[n] = x->joint;
-      t.state[n] = x->state(d);
-      t.room[n] = t.numbers + n * size;
-      std::memcpy(t.room[n], t.state[n], size * sizeof(double));
-      t.motion[n++] = arrive(m, d, *x);
-    }
-    if (n > 0) Joint::torques(n, t.joint, t.motion, t.room, t.state, t.torque);
-    for (int j = 0; j < n; j++) t.state[j][size + kAhead] = t.torque[j];
-  }
+  if (instance->units.size() != 1) return advance_all(m, d, instance);
+  const Unit& x = instance->units[0];
+  if (x.asleep()) return sleep(d, x);
+  x.book[kAhead] = x.joint->torque_over(arrive(m, d, x), x.state, x.state);
 }
 
 }  // namespace gms

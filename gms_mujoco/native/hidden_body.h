@@ -64,19 +64,20 @@ enum { kDeflection = 0, kVelocity = 1, kJointVelocity = 2, kHiddenState = 3 };
 // The state after an interval, by `move` of the relative motion, and the torque over the body's inertia by `pull`.
 template <class Move, class Pull>
 double follow(const Motion& m, double omega, double zeta, const double* state, double* next, Move move, Pull pull) {
+  const double deflection = state[kDeflection], before = state[kVelocity], joint_before = state[kJointVelocity];
   next[kJointVelocity] = m.velocity;
   if (!(m.duration > 0)) {  // the joint was given its velocity in no time (a start, a reset): the body comes along
-    next[kDeflection] = state[kDeflection];
-    next[kVelocity] = state[kVelocity] + (m.velocity - state[kJointVelocity]);
-    return pull(Relative{next[kDeflection], next[kVelocity] - m.velocity});
+    next[kDeflection] = deflection;
+    next[kVelocity] = before + (m.velocity - joint_before);
+    return pull(Relative{deflection, next[kVelocity] - m.velocity});
   }
-  const Course course(m, state[kJointVelocity], omega * (1 + 2 * zeta));
-  const Relative r = move(Relative{state[kDeflection], state[kVelocity] - course.start}, course);
+  const Course course(m, joint_before, omega * (1 + 2 * zeta));
+  const Relative r = move(Relative{deflection, before - course.start}, course);
   next[kDeflection] = r.position;
   next[kVelocity] = r.velocity + m.velocity;
   // In a coarse step the torque at its end may be anywhere in a swing. The mean over the step keeps momentum, and an
   // implicit step with it cannot gain energy.
-  if (course.coarse) return (state[kVelocity] - next[kVelocity]) / m.duration;
+  if (course.coarse) return (before - next[kVelocity]) / m.duration;
   return pull(Relative{r.position, next[kVelocity] - m.velocity});  // as rounded, so that it stands still with the state
 }
 

@@ -44,7 +44,7 @@ struct Alone {
   }
 
   // The torque over the step, after so many looks at most.
-  double torque(const Joint& joint, const double* state, double h, int looks) {
+  GMS_MERGED double torque(const Joint& joint, const double* state, double h, int looks) {
     double found, next[Joint::kMaxState];
     do {
       found = joint.torque_over(ahead(state, h), state, next);

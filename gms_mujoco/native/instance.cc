@@ -84,7 +84,7 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
   return "";
 }
 
-static std::string read_unit(const mjModel* m, const std::string& name, Unit* out) {
+static std::string read_unit(const mjModel* m, mjData* d, const std::string& name, Unit* out) {
   const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
   if (joint < 0) {
     std::string known;
@@ -98,12 +98,14 @@ static std::string read_unit(const mjModel* m, const std::string& name, Unit* ou
     return "joint '" + name + "' must be a hinge or a slide, not a ball or free joint";
   }
   out->dof = m->jnt_dofadr[joint];
-  out->qpos = m->jnt_qposadr[joint];
-  out->tree = m->dof_treeid[out->dof];
+  out->position = d->qpos + m->jnt_qposadr[joint];
+  out->velocity = d->qvel + out->dof;
+  out->passive = d->qfrc_passive + out->dof;
+  out->awake = d->tree_asleep + m->dof_treeid[out->dof];
   return "";
 }
 
-std::string read_instance(const mjModel* m, int id, Instance* out) {
+std::string read_instance(const mjModel* m, mjData* d, int id, Instance* out) {
   std::vector<Served> all;
   std::string wrong = read_served(m, id, &all);
   int start = m->plugin_stateadr[id];
@@ -116,9 +118,11 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
     unit.reads_load = x.joint->reads_load();
     out->joints.push_back(std::move(x.joint));
     for (const std::string& name : x.names) {
-      wrong = read_unit(m, name, &unit);
+      wrong = read_unit(m, d, name, &unit);
       if (!wrong.empty()) return wrong;
       unit.state_start = start;
+      unit.state = d->plugin_state + start;
+      unit.book = unit.state + unit.n_state;
       start += unit.n_state + kBookkeeping;
       out->units.push_back(unit);
     }

@@ -39,7 +39,7 @@ enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, k
 
 struct Unit {  // one joint
   const Joint* joint = nullptr;
-  int dof = -1, qpos = -1, tree = -1, state_start = -1, n_state = 0, integration = 0;
+  int dof = -1, state_start = -1, n_state = 0, integration = 0;
   bool implicit = false, reads_load = false;
   double timestep = -1, weight = -1, slope = 0, stiffness = 0;  // for which `implicit` was chosen; their product
   // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
@@ -47,13 +47,15 @@ struct Unit {  // one joint
   double base = 0, sum = 0;
   double own = 0;  // torque on a late joint in this step, friction included
 
-  double* state(mjData* d) const { return d->plugin_state + state_start; }
-  double* book(mjData* d) const { return state(d) + n_state; }
+  // Where mjData has what belongs to the joint: its arrays stay in their places as long as it lives. The state, and behind
+  // it what is noted with it; the torque that passive forces add up to.
+  double *state = nullptr, *book = nullptr, *passive = nullptr;
+  const double *position = nullptr, *velocity = nullptr;
+  const int* awake = nullptr;  // below 0: it is
+
   bool late() const { return implicit; }
-  Sample now(const mjData* d) const {
-    return {d->time, d->qpos[qpos], d->qvel[dof], d->plugin_state[state_start + n_state + kLoad], 0};
-  }
-  bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
+  Sample now(const mjData* d) const { return {d->time, *position, *velocity, book[kLoad], 0}; }
+  bool asleep() const { return *awake >= 0; }
 };
 
 constexpr int kFew = 32;  // implicit joints that are solved for on the stack, which stays in the cache from world to world
@@ -89,8 +91,8 @@ std::string instance_name(const mjModel* m, int id);
 // The joints that an instance serves, and their friction. Returns what is wrong, or nothing.
 std::string read_served(const mjModel* m, int id, std::vector<Served>* out);
 
-// Reads an instance from its config. Returns what is wrong, or nothing.
-std::string read_instance(const mjModel* m, int id, Instance* out);
+// Reads an instance of `d` from its config. Returns what is wrong, or nothing.
+std::string read_instance(const mjModel* m, mjData* d, int id, Instance* out);
 
 }  // namespace gms
 

@@ -22,6 +22,7 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   if (effect->modulate) modulators_.push_back(call);
   if (effect->torque) torques_.push_back(call);
   only_ = modulators_.empty() && torques_.size() == 1 ? torques_[0] : Call{};
+  plain_ = !only_.effect ? nullptr : only_.effect->plain ? only_.effect->plain(only_.p, only_.n) : only_.effect->torque;
   if (effect->n_state) n_state_ += effect->n_state(n);
   if (effect->n_memory) n_memory_ += effect->n_memory(n);
   at_once_ = std::min(kTogether, kMaxState / n_state_);

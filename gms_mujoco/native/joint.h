@@ -52,7 +52,7 @@ class Joint {
   void recall(const double* unknown, double* state) const;
 
   // Torque on the joint at `now`, given the state at the anchor. Writes the state at `now` to `next` (may be
-  // null) and the torque of each effect to `parts` (may be null). `state` and `next` may not overlap.
+  // null) and the torque of each effect to `parts` (may be null). `next` may be `state`.
   double torque(const Sample& now, const double* state, double* next, double* parts = nullptr) const {
     const Motion motion = since(now, state);
     return next ? torque_over(motion, state, next, parts) : torque_only(motion, state, parts);
@@ -60,9 +60,9 @@ class Joint {
   double torque_over(const Motion& motion, const double* state, double* next, double* parts = nullptr) const {
     next[0] = motion.position;
     next[1] = motion.time;
-    if (!only_.effect || parts) return sum(motion, state, next, parts);
+    if (!plain_ || parts) return sum(motion, state, next, parts);
     static const Level plain;
-    return only_.effect->torque(only_.p, only_.n, motion, plain, state + only_.state, next + only_.state);
+    return plain_(only_.p, only_.n, motion, plain, state + only_.state, next + only_.state);
   }
 
   // The same for up to at_once() joints that are alike(), from state[j] to next[j], given how each has moved.
@@ -139,7 +139,8 @@ class Joint {
 
   std::vector<Use> uses_;
   std::vector<Call> modulators_, torques_;
-  Call only_{};  // the one call of a joint that needs no other, as most do; else without an effect
+  Call only_{};            // the one call of a joint that needs no other, as most do
+  Law* plain_ = nullptr;  // and what it calls; null: there are several, or what modulates it
   int n_state_ = kAnchor;
   int n_memory_ = 0;
   int at_once_ = kTogether;

@@ -21,8 +21,6 @@
 #include "instance.h"
 #include "sensor.h"
 
-GMS_API void gms_control(const mjModel* m, mjData* d);
-
 namespace {
 
 using gms::engine;
@@ -55,11 +53,6 @@ void report(const mjModel* m, int id, const std::string& wrong, char* message) {
   std::snprintf(message, kMessage, "%s instance '%s': %s", kPlugin, gms::instance_name(m, id).c_str(), wrong.c_str());
 }
 
-// Whether MuJoCo calls us again in this step, among the actuators or at the control callback.
-bool called_later(const mjModel* m) {
-  return !(m->opt.disableflags & mjDSBL_ACTUATION) && (m->nactuator > 0 || *engine.mjcb_control == gms_control);
-}
-
 // ------------------------------------------------------------------------------------------- what MuJoCo calls
 
 int nstate(const mjModel* m, int id) {
@@ -80,7 +73,7 @@ int init(const mjModel* m, mjData* d, int id) {
   d->plugin_data[id] = 0;
   {
     auto made = std::make_unique<Handle>();
-    std::string wrong = gms::read_instance(m, id, &made->instance);
+    std::string wrong = gms::read_instance(m, d, id, &made->instance);
     made->model = m;
     Handle* first = first_handle(m, d, id);
     made->group = first ? first->group : std::make_shared<Group>();
@@ -145,11 +138,12 @@ void reset(const mjModel* m, mjtNum* state, void* data, int id) {
 }
 
 // Another model of the same layout may run on this data (mujoco.batch.Batch.set_models): its friction counts.
-GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
+GMS_SELDOM void follow(const mjModel* m, mjData* d, int id) {
   char message[kMessage] = "";
   {
+    Handle* h = handle(d, id);
     Instance &mine = h->instance, other;
-    std::string wrong = gms::read_instance(m, id, &other);
+    std::string wrong = gms::read_instance(m, d, id, &other);
     const auto same = [](const Unit& a, const Unit& b) { return a.n_state == b.n_state; };
     const auto &now = other.units, &before = mine.units;
     if (wrong.empty() && !std::equal(now.begin(), now.end(), before.begin(), before.end(), same)) {
@@ -167,34 +161,29 @@ GMS_SELDOM void follow(const mjModel* m, int id, Handle* h) {
   if (message[0]) engine.mju_error("%s", message);
 }
 
-// The late joints of a model in which nothing calls us after the passive forces.
-GMS_SELDOM void take_now(const mjModel* m, mjData* d, Group* g) {
-  double* bias = g->bias.data();
-  std::fill(bias, bias + m->nv, 0.0);
-  engine.mj_rne(m, d, 0, bias);
-  gms::compute_unactuated(m, d, g, bias);
+void compute(const mjModel* m, mjData* d, int id, int capability);
+
+GMS_SELDOM void compute_anew(const mjModel* m, mjData* d, int id, int capability) {
+  follow(m, d, id);
+  compute(m, d, id, capability);
 }
 
+// Called twice in every step. Every call in it is its last act, so that none costs a register.
 void compute(const mjModel* m, mjData* d, int id, int capability) {
   Handle* h = handle(d, id);
   Group* g = h->group.get();
-  if (h->model != m) follow(m, id, h);
-  if (capability == mjPLUGIN_PASSIVE) {
-    gms::compute_passive(m, d, g, &h->instance);
-    if (g->n_late > 0 && &h->instance == g->instances.back() && !called_later(m)) take_now(m, d, g);
-  } else if (g->n_late > 0 && &h->instance == g->instances.back() && !g->inside) {
-    gms::compute_late(m, d, g);
-  }
+  if (h->model != m) return compute_anew(m, d, id, capability);
+  if (capability == mjPLUGIN_PASSIVE) return gms::compute_passive(m, d, g, &h->instance);
+  if (g->n_late > 0 && &h->instance == g->instances.back() && !g->inside) gms::compute_late(m, d, g);
 }
 
 void advance(const mjModel* m, mjData* d, int id) { gms::advance(m, d, &handle(d, id)->instance); }
 
 }  // namespace
 
-// For mujoco.set_mjcb_control, or after another control callback.
 GMS_API void gms_control(const mjModel* m, mjData* d) {
   Handle* first = m->nactuator > 0 ? nullptr : first_handle(m, d, static_cast<int>(m->nplugin));
-  if (first && first->group->n_late > 0) gms::compute_unactuated(m, d, first->group.get(), d->qfrc_bias);
+  if (first && first->group->n_late > 0) gms::compute_at_control(m, d, first->group.get());
 }
 
 // ------------------------------------------------------------------------------------------ what Python calls

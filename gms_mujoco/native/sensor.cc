@@ -87,7 +87,7 @@ int init(const mjModel* m, mjData* d, int id) {
     for (int i = 0; i < m->nplugin; i++) {
       if (m->plugin[i] != plugin_slot) continue;
       instances.emplace_back();
-      const std::string wrong = read_instance(m, i, &instances.back());
+      const std::string wrong = read_instance(m, d, i, &instances.back());
       if (!wrong.empty()) return wrong;
     }
     auto all = std::make_unique<std::vector<Sensor>>();
