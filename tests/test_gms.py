@@ -213,6 +213,31 @@ def letter(t, q, parts=20):
     return np.array(out)
 
 
+@given(
+    elements=st.integers(1, 9),
+    exponent=st.sampled_from([0.7, 1.0, 2.0]),
+    slips_back=st.integers(0, 1),
+    pace=st.floats(1e-3, 30.0),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=60, deadline=None)
+def test_what_is_left_out_for_speed_changes_no_bit(elements, exponent, slips_back, pace, seed):
+    """Four elements that nothing modulates are followed by a shorter function: the same beside one that scales by 1."""
+    rng = np.random.default_rng(seed)
+    plant = Plant.axis() + effects.GMS(
+        stiffness=rng.uniform(0.02, 1, elements), fraction=rng.dirichlet(np.ones(elements)), coulomb=FC, static=FS,
+        stribeck_velocity=VS, stribeck_exponent=exponent, attraction=rng.uniform(0, 3), slips_back=slips_back,
+    )  # fmt: skip
+    v = pace * np.cumsum(rng.normal(size=400)) * 0.05
+    v[150:180] = 0  # it rests
+    t = np.arange(400) * 1e-3
+    motion = (t, np.cumsum(v) * 1e-3, v)
+    alone = plant.joint().replay(*motion, states=True)
+    beside = (plant + effects.AsymmetricFriction(level=0.0)).joint().replay(*motion, states=True)
+    assert np.array_equal(alone.torque, beside.torque)
+    assert np.array_equal(alone.states, beside.states[:, : alone.states.shape[1]])
+
+
 @pytest.mark.parametrize("step, close", [(1e-5, 1e-4), (5e-4, 5e-3)])
 def test_by_the_letter_an_element_slips_back_where_the_falling_level_overtakes_it(step, close):
     """It has slid so slowly that it carries the static level, and turns round faster than its spring unwinds."""
