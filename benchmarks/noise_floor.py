@@ -1,10 +1,10 @@
 """Whether the noise floor is what a perfect model leaves.
 
-Random axes with GMS friction and one effect more are simulated in steps of a hundredth of a sample, read at 2 kHz through
-an encoder of 2^18 to 2^20 counts, the torque with noise or without. Then `compare` sets the very plant beside those
-records: what it leaves comes from sensors, counts and sampling alone, and the floor has to say how much that is. Printed
-is, for each effect, what is left, the floor (medians, % of the torque), and their ratio: median and the range over the axes.
-Above 1.2 a diagnosis that has found all there is would still be called `partly_explained`.
+Random axes with GMS friction and one effect more are simulated in steps of a hundredth of a sample, read at 2 kHz
+through an encoder of 2^18 to 2^20 counts, the torque with noise or without. Then `compare` sets the very plant beside
+those records: what it leaves comes from sensors, counts and sampling alone, and the floor has to say how much that is.
+Printed is, for each effect, what is left, the floor (medians, % of the torque), and their ratio: median and the range
+over the axes. Above 1.2 a diagnosis that has found all there is would still be called `partly_explained`.
 
 Seeds: axis i comes from default_rng([81, i]). Run: python benchmarks/noise_floor.py [axes]
 """

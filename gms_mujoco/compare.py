@@ -18,7 +18,7 @@ from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
 from .misfit import Misfit
-from .noise import Noise, believable, inertia_along, noise_of, sampling_residual, sensor_residual
+from .noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
 from .observe import Data, driven, observe
 from .plant import Plant
 from .record import USES
@@ -49,7 +49,7 @@ class RecordComparison:
         position, velocity: (m,) smoothed [rad], [rad/s].
         measured: (m,) band-limited torque that was applied [N m].
         needed: (m,) band-limited torque that the plant needs along the measured motion [N m].
-        floor: (m,) residual that sensor noise alone leaves, one draw [N m].
+        floor: (m,) residual that sensors and sampling alone leave, one draw [N m].
         memory: state of the effects before the first sample, estimated on the record; None: there is none.
         sampling: (m,) the part of `floor` that is known, not drawn: what sampling does to the needed torque [N m].
         observation: the record through its band, where the joint was given the plant's sensor effects.
@@ -309,8 +309,7 @@ def _compare_one(
 ) -> RecordComparison:
     measured = _applied(plant, o)
     needed = o.needed(plant, memory)
-    sampling = sampling_residual(o, plant, memory)
-    floor = believable(sensor_residual(o, plant, memory, noise, rng) + sampling, measured - needed)
+    floor = floor_residual(o, plant, memory, noise, rng, measured - needed)
     return RecordComparison(
         o.record.name,
         o.record.use,
@@ -324,7 +323,7 @@ def _compare_one(
         needed,
         floor,
         memory,
-        sampling=sampling,
+        sampling=sampling_residual(o, plant, memory),
         observation=o.seen_by(plant),
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .intervals import covariance
 from .inverse import Observation
 from .misfit import Misfit
-from .noise import Noise, believable, floor_residual, noise_of
+from .noise import Noise, floor_residual, noise_of
 from .plant import Plant
 from .score import Score
 from .servo_observation import errors_of
@@ -34,11 +34,11 @@ class FitResult:
         plant: with its parameters, their 95 % intervals and their provenance.
         error: rms of the torque residual over rms of the torque, pooled over the records; of a servo the mean absolute
             error of its position [rad].
-        floor: the same from sensor noise alone, for a perfect model.
+        floor: the same from sensors and sampling alone, for a perfect model.
         status: what was found, and a sentence on friction elements that never slipped.
         misfit, vector: the least-squares problem and its solution.
         noise: of the sensors, from which the floor follows.
-        floor_rows: (m,) residual that sensor noise alone leaves, one draw, over all observations [N m].
+        floor_rows: (m,) residual that sensors and sampling alone leave, one draw, over all observations [N m].
         negligible: squared residual that is too little to have a cause [N^2 m^2].
     """
 
@@ -153,7 +153,7 @@ def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list
     """Of each observation the residual that noise like this would leave, no louder than what is left."""
     plant, rng = misfit.plant(x), np.random.default_rng(0)
     return [
-        believable(floor_residual(o, plant, misfit.memory(x, i), noise, rng), left)
+        floor_residual(o, plant, misfit.memory(x, i), noise, rng, left)
         for i, (o, left) in enumerate(zip(misfit.observations, np.split(residual, misfit.splits), strict=True))
     ]
 

@@ -1,4 +1,4 @@
-"""What the sensors alone do to the torque error: noise estimated from records, and the floor that it sets."""
+"""What sensors and sampling alone do to the torque error: noise estimated from records, and the floor that it sets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from .frf_observation import Seen
+from .grid import Grid, Path
 from .inverse import Observation, count_size, delivered, mean_torque, second_difference
+from .native import Joint, Motion
 from .plant import Plant
 from .record import Record
 
@@ -28,6 +30,7 @@ _QUIET = 0.25  # of the noise: enough less to tell what grows with it
 _STRETCH = 64  # samples
 _LONG, _SCATTER = 256, 1.5  # samples, over which the squares of two draws of noise differ by less than this factor
 _PARTS = 8  # of a sample, in which a possible motion is followed
+_INSTANT = 1e-9  # s, and m or rad: next to nothing
 
 
 @dataclass(frozen=True)
@@ -190,17 +193,34 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 
 
 def floor_residual(
-    observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
-) -> Array:
-    """(m,) residual that `plant` itself would leave on data like these; of a response its uncertainty [N m]."""
+    observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator,
+    left: Array | None = None,
+) -> Array:  # fmt: skip
+    """(m,) residual that `plant` itself would leave on data like these; of a response its uncertainty [N m].
+
+    Args:
+        left: (m,) what it leaves: the part of sensors is scaled down as `believable` says, that of `hidden_residual` to
+            the power that is left beside it; None: neither is.
+    """
     if not isinstance(observation, Observation):
-        return observation.floor(rng)
-    return sensor_residual(observation, plant, memory, noise, rng) + sampling_residual(observation, plant, memory)
+        drawn = observation.floor(rng)
+        return drawn if left is None else believable(drawn, left)
+    motion = simulated(observation, plant, memory, noise)
+    drawn = sensor_residual(observation, plant, memory, noise, rng, motion)
+    drawn = drawn + sampling_residual(observation, plant, memory)
+    hidden = hidden_residual(observation, plant, memory, motion)
+    if left is None:
+        return drawn + hidden
+    # Over the record, not stretch by stretch: when the axis turns back is chance, and how often much the same.
+    drawn = believable(drawn, left)
+    rest = float(np.mean(left**2) - np.mean(drawn**2)) / max(float(np.mean(hidden**2)), 1e-300)
+    return drawn + hidden * np.sqrt(min(max(rest, 0.0), 1.0))
 
 
 def sensor_residual(
-    observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator
-) -> Array:
+    observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator,
+    motion: Motion | None = None,
+) -> Array:  # fmt: skip
     """(m,) residual that the noise of the sensors alone leaves on a record, one draw [N m].
 
     A motion that the plant can make under the measured torque, see `possible_motion`, is taken as true. It is read
@@ -208,7 +228,7 @@ def sensor_residual(
     the noise is a fourth of that is no noise but a plant that turns over at the least cause, and is left out.
     """
     r = observation.record
-    true = possible_motion(observation, plant, memory, noise)
+    true = possible_motion(observation, plant, noise, motion or simulated(observation, plant, memory, noise))
     seen = observation.again(true).unsmoothed().needed(plant, memory)
     extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0)) * rng.standard_normal(len(true))
     read = true + extra
@@ -244,18 +264,26 @@ def _growth(loud: Array, quiet: Array) -> Array:
     return np.asarray(np.sqrt(np.clip((1 - constant) / (1 - _QUIET**2), 0, 1)))[stretch]
 
 
-def possible_motion(observation: Observation, plant: Plant, memory: Array | None, noise: Noise) -> Array:
+def possible_motion(observation: Observation, plant: Plant, noise: Noise, motion: Motion | None) -> Array:
     """(n,) position that the encoder would have read like this, and along which the torque of the plant balances [rad].
 
     While the contact bends by less than a count the smoothed readings rest, or step where the axis glides, and the
-    plant needs another torque along them than along the motion. So the plant is simulated under the measured torque;
-    what strays further from the readings than half a count is pulled back, and what does so all the same, because the
-    plant errs, is scaled down to a count. Without counts the smoothed
-    position is that motion.
+    plant needs another torque along them than along the motion. So it is taken as `simulated`; what strays far from the
+    readings all the same, because the plant errs, is scaled down to a count. Without counts the smoothed position is
+    that motion.
     """
+    if motion is None:
+        return observation.position
+    strayed = motion.position[::_PARTS] - observation.seen_by(plant).position
+    return observation.position + _within(strayed, noise.resolution)
+
+
+def simulated(observation: Observation, plant: Plant, memory: Array | None, noise: Noise) -> Motion | None:
+    """(_PARTS * n) motion of the joint under the measured torque, of which what strays further from the readings than
+    half a count is pulled back; None where there are no counts, or it runs away."""
     r, seen, inertia = observation.record, observation.seen_by(plant), plant.driven_inertia
     if not noise.resolution or inertia <= 0:
-        return observation.position
+        return None
 
     def often(name: str) -> Array | None:
         values = r.get(name)
@@ -269,10 +297,47 @@ def possible_motion(observation: Observation, plant: Plant, memory: Array | None
         path=np.interp(np.arange(len(torque)) / _PARTS, np.arange(len(r)), seen.position),
         near=noise.resolution / 2, pull=2 * np.pi * observation.bandwidth,
     )  # fmt: skip
-    strayed = motion.position[::_PARTS] - seen.position
-    if not np.isfinite(strayed).all():
-        return observation.position
-    return observation.position + _within(strayed, noise.resolution)
+    return motion if np.isfinite(motion.position).all() else None
+
+
+def hidden_residual(observation: Observation, plant: Plant, memory: Array | None, motion: Motion | None) -> Array:
+    """(m,) residual that comes of what a `simulated` motion does between its samples, one draw [N m].
+
+    Where the speed touches zero there, the axis may turn back for microseconds, of which no sample knows. Friction that
+    drops as it turns then goes another way until it has slipped again. It is the difference between the torques that
+    the same plant needs along the samples and along all of the motion: nothing that it lacks is in it.
+    """
+    r, joint = observation.record, plant.joint()
+    if motion is None or not keeps_turns(joint):
+        return np.zeros(len(observation.index))
+    instants = np.arange((len(r) - 1) * _PARTS + 1) / _PARTS
+    position, velocity = (x[: len(instants)] for x in (motion.position, motion.velocity))
+    velocity = np.append((velocity[1:] + velocity[:-1]) / 2, velocity[-1])  # a step jumps to the one that it ends with
+    time, load, temperature = (
+        None if x is None else np.interp(instants, np.arange(len(r)), x)
+        for x in (r.time, r.get("load"), r.get("temperature"))
+    )
+    assert time is not None
+    whole = Grid(instants).mean(Path(time, position, velocity, load, temperature).torque(joint, memory))
+    seen = observation.again(position[::_PARTS]).unsmoothed()
+    bare = replace(plant, effects=tuple(e for e in plant.effects if e.kind != "sensor"))  # that is where the joint is
+    return seen.replay(bare, memory) + seen.rigid - observation.band(whole)
+
+
+def keeps_turns(joint: Joint) -> bool:
+    """Whether friction that slides is another after a turn back for next to no way and time.
+
+    Friction that is alike in both directions comes back from there to where it was.
+    """
+    if not joint.n_effects:
+        return False
+    time = np.array([0, 1, 1 + _INSTANT, 1 + 2 * _INSTANT])
+    for way in (1.0, -1.0):
+        far = way * np.array([0, 1, 1 - _INSTANT, 1])  # [rad or m]
+        torque = joint.replay(time, far, way * np.array([1.0, 1.0, -1.0, 1.0]), load=np.ones(4)).torque
+        if abs(torque[3] - torque[1]) > _NEGLIGIBLE * abs(torque[1]):
+            return True
+    return False
 
 
 def _within(strayed: Array, most: float) -> Array:

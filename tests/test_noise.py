@@ -7,6 +7,8 @@ import pytest
 from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
 from scipy import signal
 
+from gms_mujoco.effect import Effect
+from gms_mujoco.effects import AsymmetricFriction, Backlash, Cogging, LoadDependentFriction
 from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
@@ -18,9 +20,12 @@ from gms_mujoco.noise import (
     count_size,
     estimate_noise,
     floor_residual,
+    hidden_residual,
+    keeps_turns,
     refine_noise,
     rough_inertia,
     sensor_residual,
+    simulated,
 )
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -176,6 +181,57 @@ def test_the_true_axis_is_at_the_floor_of_a_coarse_encoder(count: float) -> None
             floor.append(rms(floor_residual(o, HEALTHY, None, noise, rng)))
     assert rms(np.array(floor)) == pytest.approx(rms(np.array(left)), rel=0.15)
     assert np.prod(np.array(floor) / left) ** (1 / 6) == pytest.approx(1, abs=0.15)
+
+
+TURNS = HEALTHY + AsymmetricFriction(level=0.3)  # drops where it turns back, however briefly
+
+
+def test_what_an_axis_does_between_samples_is_in_the_floor() -> None:
+    """Friction that drops where the axis turns back for less than a sample, and the very plant: what it leaves is known
+    before any of it is seen (`left` is None) to a half, and beside what is left to a quarter."""
+    blind, floor, left = [], [], []
+    for seed in range(4):
+        records = runs(TURNS, seconds=6, seed=seed, substeps=100)
+        noise, rng = replace(estimate_noise(records, J), torque=TORQUE_NOISE), np.random.default_rng(0)
+        for o in (Observation(r, 100.0) for r in records):
+            rest = o.applied(TURNS) - o.needed(TURNS)
+            blind.append(rms(floor_residual(o, TURNS, None, noise, rng)))
+            floor.append(rms(floor_residual(o, TURNS, None, noise, rng, rest)))
+            left.append(rms(rest))
+    without = [rms(sensor_residual(o, TURNS, None, noise, rng)) for o in (Observation(r, 100.0) for r in records)]
+    assert rms(np.array(without)) < 0.6 * rms(np.array(left))
+    assert 1 / 1.5 < rms(np.array(blind)) / rms(np.array(left)) < 1.5
+    assert 0.75 < rms(np.array(floor)) / rms(np.array(left)) < 1.05
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        Cogging(harmonics=[5], amplitude=[2e-3], phase=[0.3]),
+        LoadDependentFriction(coefficient=0.3),
+        Backlash(inertia=0.3 * J, gap=0.02, frequency=200.0, damping=0.2),
+        AsymmetricFriction(level=0.3, stiffening=0.0, dropping=0.0),  # two yield limits: a constant torque
+    ],
+)
+def test_samples_hide_nothing_where_a_turn_for_next_to_no_way_changes_nothing(effect: Effect) -> None:
+    assert keeps_turns(TURNS.joint()) and not keeps_turns((HEALTHY + effect).joint())
+    noise = Noise(TORQUE_NOISE, COUNT / np.sqrt(12), COUNT)
+    for o in (Observation(r, 100.0) for r in runs(HEALTHY, seconds=2)):
+        assert not hidden_residual(o, HEALTHY, None, simulated(o, HEALTHY, None, noise)).any()
+
+
+def test_what_a_plant_lacks_is_not_hidden_between_samples() -> None:
+    """Not the cogging that is missing beside friction that drops where it turns."""
+    noise, hidden = Noise(TORQUE_NOISE, COUNT / np.sqrt(12), COUNT), []
+    for lacks in (0.0, 2e-3):
+        records = runs(TURNS + Cogging(harmonics=[5], amplitude=[lacks], phase=[0.3]), seconds=6, substeps=100)
+        seen = [Observation(r, 100.0) for r in records]
+        motions = [simulated(o, TURNS, None, noise) for o in seen]
+        parts = [hidden_residual(o, TURNS, None, x) for o, x in zip(seen, motions, strict=True)]
+        hidden.append(rms(np.concatenate(parts)))
+        left = rms(np.concatenate([o.applied(TURNS) - o.needed(TURNS) for o in seen]))
+    assert hidden[1] < 0.4 * left
+    assert hidden[1] < 2 * hidden[0]
 
 
 def test_counts_coarser_than_the_motion_are_not_taken_for_noise_of_the_torque() -> None:
