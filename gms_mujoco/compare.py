@@ -309,7 +309,8 @@ def _compare_one(
 ) -> RecordComparison:
     measured = _applied(plant, o)
     needed = o.needed(plant, memory)
-    floor = floor_residual(o, plant, memory, noise, rng, measured - needed)
+    sampling = sampling_residual(o, plant, memory)
+    floor = floor_residual(o, plant, memory, noise, rng, measured - needed, sampling)
     return RecordComparison(
         o.record.name,
         o.record.use,
@@ -323,7 +324,7 @@ def _compare_one(
         needed,
         floor,
         memory,
-        sampling=sampling_residual(o, plant, memory),
+        sampling=sampling,
         observation=o.seen_by(plant),
     )
 

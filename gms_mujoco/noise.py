@@ -194,20 +194,21 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 
 def floor_residual(
     observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator,
-    left: Array | None = None,
+    left: Array | None = None, sampling: Array | None = None,
 ) -> Array:  # fmt: skip
     """(m,) residual that `plant` itself would leave on data like these; of a response its uncertainty [N m].
 
     Args:
         left: (m,) what it leaves: the part of sensors is scaled down as `believable` says, that of `hidden_residual` to
             the power that is left beside it; None: neither is.
+        sampling: (m,) of a record its `sampling_residual`, where that is known.
     """
     if not isinstance(observation, Observation):
         drawn = observation.floor(rng)
         return drawn if left is None else believable(drawn, left)
     motion = simulated(observation, plant, memory, noise)
-    drawn = sensor_residual(observation, plant, memory, noise, rng, motion)
-    drawn = drawn + sampling_residual(observation, plant, memory)
+    known = sampling_residual(observation, plant, memory) if sampling is None else sampling
+    drawn = sensor_residual(observation, plant, memory, noise, rng, motion) + known
     hidden = hidden_residual(observation, plant, memory, motion)
     if left is None:
         return drawn + hidden
