@@ -189,16 +189,16 @@ TURNS = HEALTHY + AsymmetricFriction(level=0.3)  # drops where it turns back, ho
 def test_what_an_axis_does_between_samples_is_in_the_floor() -> None:
     """Friction that drops where the axis turns back for less than a sample, and the very plant: what it leaves is known
     before any of it is seen (`left` is None) to a half, and beside what is left to a quarter."""
-    blind, floor, left = [], [], []
+    without, blind, floor, left = [], [], [], []
     for seed in range(4):
         records = runs(TURNS, seconds=6, seed=seed, substeps=100)
         noise, rng = replace(estimate_noise(records, J), torque=TORQUE_NOISE), np.random.default_rng(0)
         for o in (Observation(r, 100.0) for r in records):
             rest = o.applied(TURNS) - o.needed(TURNS)
+            without.append(rms(sensor_residual(o, TURNS, None, noise, rng)))
             blind.append(rms(floor_residual(o, TURNS, None, noise, rng)))
             floor.append(rms(floor_residual(o, TURNS, None, noise, rng, rest)))
             left.append(rms(rest))
-    without = [rms(sensor_residual(o, TURNS, None, noise, rng)) for o in (Observation(r, 100.0) for r in records)]
     assert rms(np.array(without)) < 0.6 * rms(np.array(left))
     assert 1 / 1.5 < rms(np.array(blind)) / rms(np.array(left)) < 1.5
     assert 0.75 < rms(np.array(floor)) / rms(np.array(left)) < 1.05
