@@ -44,6 +44,7 @@ _STUCK = 1.5  # counts of the encoder
 _STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves less, and is seen to, rests
 _AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
 _MOSTLY = 0.5  # of what the low-pass sees
+_EASED = 0.5  # of a period of the highest frequency that the low-pass lets through
 _SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
 _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
@@ -220,7 +221,19 @@ class Observation:
             return self.asked
         if not self.at_rest.any():
             return None
-        return np.where(self._beside(self.at_rest), 0.0, 1.0)
+        return self._asked_beside(self.at_rest)
+
+    def _asked_beside(self, still: NDArray[np.bool_]) -> Array:
+        """(n,) 0 where the axis rests, given the samples (n,) until the next of which it is still; 1 where it moves.
+
+        It rises from one to the other over a part of a period of the highest frequency that the low-pass lets through:
+        cut off at once, the noise of a position that was differentiated twice would fold from far above it into the
+        band.
+        """
+        if not still.any():
+            return np.ones(len(still))
+        away = ndimage.distance_transform_edt(~self._beside(still))  # [samples]
+        return np.asarray(np.sin(np.pi / 2 * np.minimum(away / (_EASED * self._period), 1.0)) ** 2)
 
     @property
     def resting(self) -> NDArray[np.bool_]:
@@ -273,7 +286,7 @@ class Observation:
         if not self.rests:
             return self
         still = np.append(np.abs(np.diff(self.record.position)) < _STUCK * self._count, False)
-        return replace(self, cutoff=self._cutoff, asked=np.where(self._beside(still), 0.0, 1.0))
+        return replace(self, cutoff=self._cutoff, asked=self._asked_beside(still))
 
     @cached_property
     def slides(self) -> NDArray[np.bool_]:

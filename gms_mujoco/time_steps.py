@@ -70,8 +70,8 @@ class TimeSteps(Observation):
         v = np.diff(self.position) / self.record.sample_time
         return np.append(v[:1], v)
 
-    def _beside(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return still  # steps that end at rest, each of which stands alone
+    def _asked_beside(self, still: NDArray[np.bool_]) -> Array:
+        return np.where(still, 0.0, 1.0)  # steps that end at rest, each of which stands alone
 
     @cached_property
     def sparse(self) -> Grid:

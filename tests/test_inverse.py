@@ -1,5 +1,7 @@
 """Inverse dynamics: exact for a held torque, flat in its band, and blind to nothing that the sensors did."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, J, rms, run, runs
@@ -212,7 +214,26 @@ def test_an_axis_that_stops_to_the_last_digit_is_asked_nothing_there(digits: int
     torque = np.where(inside, 7.0, o.record.torque)
     again = Observation(_record(torque, o.record.position), BAND)
     np.testing.assert_allclose(again.applied(BARE), o.applied(BARE), atol=1e-12)
-    assert o.determined.mean() == pytest.approx(np.mean(speed != 0), abs=0.05)
+    away, half = ndimage.distance_transform_edt(speed != 0)[o.index], 0.5 / (BAND * H)  # [samples], of a period
+    assert o.determined[away > half].all() and not o.determined[away < half / 2].any()
+
+
+@pytest.mark.parametrize("count", [1e-5, 1e-6])
+def test_leaving_out_rests_folds_no_noise_into_the_band(count: float) -> None:
+    """Of what an encoder adds no more is left than where all is asked; cut off at once, 5 to 10 times as much."""
+    h, n = H / 4, 8000
+    t = h * np.arange(n)
+    position = np.cumsum(np.maximum(np.sin(2 * np.pi * 3 * t), 0)) * h  # rests half the time
+
+    def seen(position: np.ndarray) -> Observation:
+        return Observation(Record("made", t, {"torque": 0 * t, "position": position}, resolution=count), BAND)
+
+    exact, read = seen(position), seen(count * np.round(position / count))
+    asked = read.without_rests()
+    told = asked.determined
+    assert 0.4 < told.mean() < 0.5
+    noise = (asked.needed(BARE) - replace(exact, asked=asked.asked).needed(BARE))[told]
+    assert rms(noise) < 1.2 * rms((read.needed(BARE) - exact.needed(BARE))[told])
 
 
 def test_an_axis_that_swings_out_is_asked_about_all_of_it() -> None:
