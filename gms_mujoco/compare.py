@@ -129,6 +129,22 @@ class Comparison:
         return self.position_error if self.servos else self.torque_error
 
     @cached_property
+    def determined(self) -> tuple[float, float]:
+        """The part of the error, and of the noise floor, where the motion determines what friction does; see
+        `Observation.determined`. All of both where it never does."""
+        if not self.records:
+            return self.error, self.noise_floor
+        told = [r.observation.determined for r in self.records] + [np.ones(len(r.residual), bool) for r in self.frfs]
+        if not any(t.any() for t in told):
+            return self.error, self.noise_floor
+        measured = [r.measured for r in self.rows]
+
+        def part(of: Sequence[Array]) -> float:
+            return relative_error([rows * t for rows, t in zip(of, told, strict=True)], measured)
+
+        return part([r.residual for r in self.rows]), part([r.floor for r in self.rows])
+
+    @cached_property
     def _residuals(self) -> Residuals:
         return ServoResiduals(self.plant, self.servos) if self.servos else Residuals(self.plant, self.records)
 

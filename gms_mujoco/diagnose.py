@@ -17,8 +17,8 @@ from .effect import Effect
 from .errors import DataError
 from .fit import baseline
 from .fit_result import with_covariance
-from .frf_observation import FrfObservation, Seen
-from .friction_law import choices, much_better, with_law, would_be_better
+from .frf_observation import Seen
+from .friction_law import choices, leading_further, much_better, with_law, would_be_better
 from .held_out import p_value
 from .inverse import Observation
 from .judgement import AT_FLOOR
@@ -191,11 +191,11 @@ def diagnose(
     catalogue. Where that ends above the noise floor, it goes on from effects that were passed over for one that left
     hardly less, and stays with the path that explains most. The validate records are scored once, after the choice.
 
-    The default baseline has `gms` friction. Where that leaves more than noise does, `lugre` in its place is fitted
-    too, before effects are looked for and beside those that were found, and takes it where it passes the same tests
-    and leaves less than any effect would; of frequency responses alone the whole search is made with either law, and
-    `lugre` taken where it leaves much less in the end. A law of your own `plant` stays: what another would do is told
-    in the remainder.
+    The default baseline has `gms` friction. Where that leaves more than noise does, other laws in its place are fitted
+    too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
+    and leaves less than any effect would. Where the end is above the noise floor, the whole search is made beside each
+    other law that with one effect may leave less, and that law taken where it leaves much less in the end. A law of
+    your own `plant` stays: what another would do is told in the remainder.
 
     Args:
         runs: a measurement set with at least one fit record.
@@ -231,12 +231,14 @@ def diagnose(
 
     search = Search(seen, select, start, without)
     law_said, late = searched(search, plant is None, part(report, 0.02, 0.9))
-    if plant is None and not search.at_floor and all(isinstance(o, FrfObservation) for o in seen):
-        for law in choices(start)[1:]:
-            other = Search(seen, select, with_law(start, law), without)
+    if plant is None and not search.at_floor:
+        others = [Search(seen, select, with_law(start, law), without) for law in choices(start)[1:]]
+        for other in leading_further(search, others):
             _, other_late = searched(other, False, part(report, 0.9, 0.9))
-            if better := much_better(search, other, law.name):
+            if better := much_better(search, other):
                 search, late, law_said = other, other_late, better
+            if search.at_floor:
+                break
 
     report(0.9, "scoring the validate records")
     kept = search.steps[-1]
@@ -304,7 +306,7 @@ def _conclude(
     elif not at_floor:
         following = _to_isolate(rejected, loudest(last.misfit, last.vector))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
-    notes = tuple(f"{line}." for line in (last.habit, off) if line)
+    notes = tuple(f"{line}." for line in (last.habit, off, _unseen(steps[-1].comparison) if at_floor else "") if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
@@ -357,18 +359,32 @@ def _as_good(step: Step, negligible: float) -> bool:
 def _holds(comparisons: Sequence[Comparison], negligible: float) -> bool:
     """Whether the last plant is as good on new records as those before it and near the noise floor, or at it.
 
-    What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to.
+    What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to. Where
+    the axis moves less than its encoder resolves nothing holds, and that speaks against no plant.
     """
     if not comparisons:
         return True
     *before, last = comparisons
-    most = min(_NEAR_FLOOR * last.noise_floor, *(c.error for c in before), math.inf)
-    return last.error <= most or _told_beforehand(last, negligible)
+    error, floor = last.determined
+    most = min(_NEAR_FLOOR * floor, *(c.determined[0] for c in before), math.inf)
+    return error <= most or _told_beforehand(last, negligible)
 
 
 def _told_beforehand(comparison: Comparison | None, negligible: float) -> bool:
     """Whether a plant leaves no more than noise of records that it has not seen."""
     return comparison is not None and comparison.error <= max(AT_FLOOR * comparison.noise_floor, negligible)
+
+
+def _unseen(comparison: Comparison | None) -> str:
+    """That new records leave more than noise, but not where their motion says anything; empty where they do not."""
+    if comparison is None or comparison.error <= _NEAR_FLOOR * comparison.noise_floor:
+        return ""
+    error, _ = comparison.determined
+    share = 1 - (error / comparison.error) ** 2
+    return (
+        f"Of the square that is left of the records that were not fitted {100 * share:.0f} % is where the axis moves "
+        "less than its encoder resolves, and no model knows what holds it"
+    )
 
 
 def _elsewhere(step: Step) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -112,19 +113,45 @@ class FrictionLaw:
                 search.first(silent)
 
 
-def much_better(search: Search, other: Search, name: str) -> str:
+def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
+    """Of searches with other laws of friction, which have not begun, those that may come to less than one that has
+    ended: whose first plant would with the effect that promises most. The most promising comes first.
+
+    Elements that bend as they like hide an effect in part, and leave less without it than the right law does. Frequency
+    responses at many amplitudes know friction so well that beside the wrong law nothing that is missing is seen, and
+    the right one alone does not show that it is: there every law is gone on with.
+    """
+    if not search.timed:
+        return list(others)
+    last = search.steps[-1].result
+    reach = []
+    for other in others:
+        if law_of(other.start) not in last.plant:
+            other.first(silent)
+            reach.append((other.within_reach(), other))
+    least = left_of(last.misfit, last.vector)
+    return [other for left, other in sorted(reach, key=lambda r: r[0]) if left < least]
+
+
+def much_better(search: Search, other: Search) -> str:
     """A sentence where a search with another law of friction from its beginning leaves much less; else empty.
 
-    Frequency responses at many amplitudes know friction so well that beside the wrong law nothing that is missing is
-    seen, and the right one alone does not show that it is.
+    A stiff law passes on more of the encoder's noise, and has a floor to show for all that it leaves: the lower counts.
     """
     before, after = search.steps[-1].result, other.steps[-1].result
-    if after.error**2 - after.floor**2 >= _MUCH * (before.error**2 - before.floor**2):
+    floor = min(before.floor, after.floor)
+    much = after.error**2 - floor**2 < _MUCH * (before.error**2 - floor**2)
+    if not (much and search.selects(after)):
         return ""
     return (
-        f"{name} describes the friction, in the place of {choices(search.start)[0].name}: with it and what is found "
-        f"beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
+        f"{law_of(other.start)} describes the friction, in the place of {law_of(search.start)}: with it and what is "
+        f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
     )
+
+
+def law_of(plant: Plant) -> str:
+    """The name of the law of a plant that has one."""
+    return next(e.name for e in plant.effects if e.name in LAWS)
 
 
 def choices(plant: Plant) -> tuple[Effect, ...]:

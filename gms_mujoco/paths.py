@@ -22,7 +22,8 @@ def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
     Where the noise floor is not reached that way others are gone, see `along_rivals`.
     """
     friction = FrictionLaw(search, free)
-    search.first(part(report, 0.0, 0.22, "baseline"))
+    if not search.steps:
+        search.first(part(report, 0.0, 0.22, "baseline"))
     _to_its_end(search, friction, part(report, 0.22, 0.82))
     if not search.at_floor:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))

@@ -179,6 +179,14 @@ class Search:
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
         self.shape()
 
+    def within_reach(self) -> float:
+        """Squared residual that the current plant would leave with the effect that promises most, by a linear refit
+        [N^2 m^2]; see `left_of`."""
+        current = self.steps[-1].result
+        screen = Screen(current.misfit, current.vector)
+        gains = [c.gain for c in each(screen.candidate, self._addable) if c is not None]
+        return (1 - max(gains, default=0.0)) * left_of(current.misfit, current.vector)
+
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
         current, fits = self.steps[-1].result, self.fits

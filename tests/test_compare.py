@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, J, rms, runs
+from bench import HEALTHY, LEVEL, J, rms, runs
 
 from gms_mujoco import effects
 from gms_mujoco.compare import WINDOW, Comparison, compare, quick_error
@@ -108,6 +108,25 @@ def test_each_record_has_its_own_figures(healthy: Comparison) -> None:
         assert r.noise_floor == pytest.approx(rms(r.floor) / rms(r.measured))
         n = len(r.time)
         assert all(len(x) == n for x in (r.position, r.velocity, r.measured, r.needed, r.floor))
+
+
+def test_what_friction_does_below_a_count_is_no_part_of_what_the_motion_determines() -> None:
+    """All of a record that moves; of one that rests a third of the time two thirds."""
+    torque = multisine(3000, 1e-3, 1, 30, 2 * LEVEL, np.random.default_rng(0))
+    torque[2000:] = 0.0
+    coarse = 2 * math.pi / 1024
+    rests = compare(HEALTHY, [simulate(HEALTHY, torque, 1e-3, resolution=coarse)])
+    record = rests.records[0]
+    told = record.observation.determined
+    assert 0.4 < told.mean() < 0.75
+
+    def with_more(where: np.ndarray) -> Comparison:
+        more = replace(record, needed=record.needed + np.where(where, LEVEL, 0.0))
+        return replace(rests, records=(more,))
+
+    assert with_more(~told).determined == rests.determined
+    error, floor = with_more(told).determined
+    assert error > 2 * rests.determined[0] and floor == rests.determined[1] < rests.noise_floor
 
 
 def test_the_dictionary_has_the_keys_of_the_contract(healthy: Comparison) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from gms_mujoco import effects
 from gms_mujoco.bench import run_loop
+from gms_mujoco.compare import Comparison
 from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diagnose
@@ -139,6 +140,21 @@ def test_what_is_left_is_noise_where_all_of_it_hardly_exceeds_the_floor(
     result: Any = SimpleNamespace(error=0.1 * fitted, floor=0.1)
     comparison: Any = None if new is None else SimpleNamespace(error=0.2 * new, noise_floor=0.2)
     assert _as_good(Step(None, result, comparison), 0.0) == good
+
+
+@pytest.mark.parametrize(
+    ("told", "verdict"), [(0.1, "adequate"), (0.3, "unexplained")], ids=["where nothing is seen", "anywhere"]
+)
+def test_what_new_records_leave_below_a_count_speaks_against_no_plant(
+    monkeypatch: pytest.MonkeyPatch, told: float, verdict: str
+) -> None:
+    error = 0.3
+    monkeypatch.setattr(Comparison, "error", error)
+    monkeypatch.setattr(Comparison, "noise_floor", 0.1, raising=False)
+    monkeypatch.setattr(Comparison, "determined", (told, 0.1))
+    d = diagnose(dataset(HEALTHY, 2.0), UNKNOWN)
+    assert d.verdict == verdict
+    assert any("less than its encoder resolves" in note for note in d.notes) == (verdict == "adequate")
 
 
 def test_less_than_a_thousandth_is_left_alone_where_it_is_of_a_torque() -> None:

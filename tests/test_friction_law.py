@@ -2,6 +2,8 @@
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,7 +16,7 @@ from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.frf_observation import Seen
-from gms_mujoco.friction_law import FrictionLaw, choices, with_law
+from gms_mujoco.friction_law import FrictionLaw, choices, much_better, with_law
 from gms_mujoco.habits import as_logged
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -79,13 +81,14 @@ def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidd
     assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
 
 
-def by_mujoco(hidden: str) -> Dataset:
-    """Runs of an axis that MuJoCo itself simulates, frictionloss and all, at its default solver parameters."""
+def by_mujoco(hidden: str, limit: float = 1.0) -> Dataset:
+    """Runs of an axis that MuJoCo itself simulates, frictionloss and all, at its default solver parameters, with a
+    drive that gives no more than a limit [N m]."""
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{SAMPLE_TIME / SUBSTEPS}" gravity="0 0 0"/><worldbody><body>
         <joint name="shaft" axis="0 0 1" damping="2e-5" frictionloss="{LEVEL}"/>
         <inertial pos="0 0 0" mass="1e-6" diaginertia="{J} {J} {J}"/></body></worldbody>
-        <actuator><motor joint="shaft"/>{hidden}</actuator></mujoco>"""
+        <actuator><motor joint="shaft" ctrllimited="true" ctrlrange="{-limit} {limit}"/>{hidden}</actuator></mujoco>"""
     )
 
     def again(record: Record) -> Record:
@@ -107,6 +110,28 @@ def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str)
     assert law.coulomb == pytest.approx(LEVEL, rel=0.02)
     assert law.creep_velocity == pytest.approx(LEVEL * ahead / (9 * J), rel=0.02)
     assert law.creep_time == pytest.approx(ahead, rel=0.02)
+
+
+def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
+    """Elements that bend as they like leave less of a drive at its limit than the right law does by itself."""
+    d = diagnose(by_mujoco("", 1.5 * LEVEL))
+    assert [e.name for e in d] == ["torque_saturation"] and d.verdict == "explained"
+    assert d.found[0].limit == pytest.approx(1.5 * LEVEL, rel=0.01)
+    said = str(d.to_dict()["steps"][0]["evidence"])
+    assert said.startswith("frictionloss describes the friction, in the place of gms: with it and what is found beside")
+    assert d.comparisons[-1].error <= 1.2 * d.noise_floor
+
+
+def _ended(error: float, floor: float) -> Any:
+    result = SimpleNamespace(error=error, floor=floor)
+    return SimpleNamespace(steps=[SimpleNamespace(result=result)], start=HEALTHY, selects=lambda result: True)
+
+
+@pytest.mark.parametrize(
+    ("error", "floor", "better"), [(0.06, 0.05, True), (0.29, 0.05, False), (0.29, 0.28, False), (0.06, 0.001, True)]
+)
+def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
+    assert bool(much_better(_ended(0.3, 0.04), _ended(error, floor))) == better
 
 
 def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
