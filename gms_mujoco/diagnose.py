@@ -27,6 +27,7 @@ from .observe import driven, observe
 from .paths import searched
 from .plant import Plant
 from .progress import Progress, part, silent
+from .reading import TorqueReading
 from .refine import finished
 from .remainder import describe, loudest
 from .score import Score, relative_error
@@ -231,7 +232,7 @@ def diagnose(
 
     search = Search(seen, select, start, without)
     law_said, late = searched(search, plant is None, part(report, 0.02, 0.9))
-    if plant is None and not search.at_floor:
+    if plant is None and not search.at_floor and not search.hint:
         others = [Search(seen, select, with_law(start, law), without) for law in choices(start)[1:]]
         for other in leading_further(search, others):
             _, other_late = searched(other, False, part(report, 0.9, 0.9))
@@ -303,6 +304,8 @@ def _conclude(
         )
     elif stuck := never_slips(last.plant, last.misfit.observations):
         following = stuck
+    elif search.hint:
+        following = TorqueReading.experiment
     elif not at_floor:
         following = _to_isolate(rejected, loudest(last.misfit, last.vector))
     off = f"The fit records are off {moments}" if moments and at_floor else ""

@@ -11,13 +11,16 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from .effect import Effect
+from .held_out import HeldOut
+from .inverse import Observation
 from .least_squares import nudge
 from .linear_model import LinearModel
 from .misfit import Misfit
 from .parameter import Parameter
-from .tall import gram
+from .tall import gram, squared
 
 Array = NDArray[np.float64]
 
@@ -32,7 +35,10 @@ class TorqueReading(Effect):
     kind = "drive"
     doc = "Second-order sensor of the torque."
     signature = "What is read rings after each step of the torque."
-    experiment = "A step of torque on a locked joint."
+    experiment = (
+        "A step of torque on the joint, locked behind the sensor: a sensor that swings rings there too, a part of the "
+        "axis that swings does not."
+    )
     parameters = (
         Parameter("lag", "s", 0.0, doc="b = 2 zeta / w"),
         Parameter("period", "s", 0.0, lower=0.0, upper=_LONGEST, doc="1 / w"),
@@ -45,6 +51,26 @@ class TorqueReading(Effect):
         rate = np.gradient(command, step)
         lag, period = float(self.values["lag"]), float(self.values["period"])  # type: ignore[arg-type]
         return command + lag * rate + period**2 * np.gradient(rate, step)
+
+
+def as_shown(reading: Effect, left: HeldOut) -> float:
+    """Squared residual of the torque as a sensor shows it, given the residual of the torque itself [N^2 m^2].
+
+    Behind what is read lies a torque with noise that grows with the square of the frequency. What two plants leave is
+    compared where the sensor shows it.
+
+    Args:
+        reading: a TorqueReading.
+        left: of records.
+    """
+    lag, period = float(reading.values["lag"]), float(reading.values["period"])  # type: ignore[arg-type]
+    ends = np.cumsum([len(o.index) for o in left.observations])[:-1]
+    total = 0.0
+    for o, rows in zip(left.observations, np.split(left.rows, ends), strict=True):
+        assert isinstance(o, Observation)
+        above, below = signal.bilinear([1.0], [period**2, max(lag, 0.0), 1.0], 1 / o.step)
+        total += squared(signal.lfilter(above, below, rows))
+    return total
 
 
 def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:

@@ -52,7 +52,7 @@ from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress, silent
-from .reading import TorqueReading, rung
+from .reading import TorqueReading, as_shown, rung
 from .refine import refine
 from .screen import Candidate, Screen
 from .threads import each
@@ -294,12 +294,14 @@ class Search:
         reading = rung(now.misfit, now.vector)
         if reading is None:
             return False
-        left = cross_validated(*reading).total
-        if left > min(t.held_out.total for t in swinging):
-            return False
         misfit, x = reading
-        period = misfit.plant(x)[TorqueReading.name].values["period"]
-        share = 1 - left / self.held_out.total
+        sensor = misfit.plant(x)[TorqueReading.name]
+        behind = cross_validated(misfit, x)
+        left = as_shown(sensor, replace(behind, rows=behind.rows * math.sqrt(misfit.delivered(x))))
+        if left > min(as_shown(sensor, t.held_out) for t in swinging):
+            return False
+        period = sensor.values["period"]
+        share = 1 - left / as_shown(sensor, self.held_out)
         self.hint = (
             f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
             f"compliance does ({100 * share:.0f} % of the square)"

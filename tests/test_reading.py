@@ -12,13 +12,16 @@ from scipy import signal
 from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
+from gms_mujoco.held_out import HeldOut
+from gms_mujoco.inverse import Observation
 from gms_mujoco.judgement import AT_FLOOR, Trial
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
-from gms_mujoco.reading import rung
+from gms_mujoco.reading import TorqueReading, as_shown, rung
 from gms_mujoco.record import Record
 from gms_mujoco.search import Search
+from gms_mujoco.tall import squared
 
 FREQUENCY = 70.0  # Hz
 
@@ -38,6 +41,21 @@ def test_a_reading_that_rings_is_seen_at_its_frequency() -> None:
     period = misfit.coordinates.decode(x[: misfit.coordinates.size])["torque_reading"].values["period"]
     assert 1 / (2 * math.pi * float(period)) == pytest.approx(FREQUENCY, rel=0.15)  # type: ignore[arg-type]
     assert misfit.cost(x) < 0.1 * result.misfit.cost(result.vector)
+
+
+def test_what_is_left_is_compared_where_the_sensor_shows_it() -> None:
+    """A constant stays, a swing at the sensor's frequency grows to 1 / (2 zeta), what is far above falls as f^-2."""
+    damping, n = 0.1, 4000
+    observations = observe([runs(HEALTHY, seconds=n * SAMPLE_TIME)[0]], J)
+    o, = observations
+    assert isinstance(o, Observation)
+    w = 2 * math.pi * 0.02 / o.step
+    reading = TorqueReading(lag=2 * damping / w, period=1 / w)
+    t = o.step * np.arange(len(o.index))
+    for times, gain in ((0.0, 1.0), (1.0, 1 / (2 * damping)), (4.0, 1 / 15)):
+        rows = np.cos(times * w * t)
+        shown = as_shown(reading, HeldOut(rows, observations)) / squared(rows)
+        assert math.sqrt(shown) == pytest.approx(gain, rel=0.25), times
 
 
 def test_a_reading_whose_period_comes_to_nothing_does_not_ring(monkeypatch: pytest.MonkeyPatch) -> None:
