@@ -51,18 +51,20 @@ def refit_between(misfit: Misfit, x: Array) -> tuple[Misfit, Array]:
 
 def unbent(found: FitResult) -> tuple[FitResult, str]:
     """A fit at its end, to the records between their moments, as it is on whole ones, and since when these are off; the
-    fit to whole records at its end and "" where more than noise is left between them.
+    fit to whole records at its end and "" where more than noise is left between them, or nothing of it is loud.
 
     What no law of friction does bends the parameters of one that has to do it.
     """
+    begins = list(_begins(found.misfit, found.vector))
+    when = [f"{o.record.time[i]:.3g} s in {o.name}" for o, samples, _ in begins for i in samples]
+    if not when:
+        return finished(found), ""
     calm = finish(*refit_between(found.misfit, found.vector))
     if calm.error > AT_FLOOR * calm.floor:
         return finished(found), ""
     whole, x = found.misfit.onto(calm.plant, found.vector, skew=calm.misfit.skew(calm.vector))
     there = result_of(whole, whole.settle(x))
     provenance = {**calm.plant.provenance, **there.plant.provenance}
-    begins = _begins(found.misfit, found.vector)
-    when = [f"{o.record.time[i]:.3g} s in {o.name}" for o, samples, _ in begins for i in samples]
     more = f" and {len(when) - _NAMED} times more" if len(when) > _NAMED else ""
     said = (
         f"from single moments on, at {', '.join(when[:_NAMED])}{more}, where friction goes another way than "

@@ -51,6 +51,7 @@ def test_a_fit_is_told_as_that_between_moments_and_when_they_begin(found):
     assert low < STATIC < high < 1.02 * low
     healthy = fitted_sticking(HEALTHY.replace(GMS.replace(static=STATIC)), 1)
     assert not len(cross_validated(healthy.misfit, healthy.vector).moments())
+    assert unbent(healthy)[1] == "", "nothing of it is loud"
 
 
 def test_where_more_is_missing_the_fit_is_that_of_whole_records():
