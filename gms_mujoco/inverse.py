@@ -45,6 +45,7 @@ _STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves les
 _AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
 _MOSTLY = 0.5  # of what the low-pass sees
 _EASED = 0.5  # of a period of the highest frequency that the low-pass lets through
+_REST = 0.125  # of the same: the shortest rest of an axis that comes to rest at once
 _SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
 _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
@@ -272,7 +273,11 @@ class Observation:
     @cached_property
     def _stuck(self) -> NDArray[np.bool_]:
         """(n,) where the axis moves by no more than its encoder resolves for as long as that."""
-        q, long = self.record.position, self._period + 1
+        return self._held(self._period)
+
+    def _held(self, samples: int) -> NDArray[np.bool_]:
+        """(n,) where it does so for so many samples around."""
+        q, long = self.record.position, samples + 1
         span = ndimage.maximum_filter1d(q, long) - ndimage.minimum_filter1d(q, long)
         return np.asarray(span <= _STUCK * self._count)
 
@@ -282,10 +287,15 @@ class Observation:
         return self._asked is None and bool(self._stuck.any())
 
     def without_rests(self) -> Observation:
-        """The same observation, of which nothing is asked where the axis rests within what its encoder resolves."""
-        if not self.rests:
+        """The same observation, of which nothing is asked where the axis rests within what its encoder resolves, if
+        only for a part of a period."""
+        if self._asked is not None:
             return self
-        still = np.append(np.abs(np.diff(self.record.position)) < _STUCK * self._count, False)
+        short = max(round(_REST * self._period), 1)
+        still = ndimage.maximum_filter1d(self._held(short), short + 1)
+        still[-1] = False
+        if not still.any():
+            return self
         return replace(self, cutoff=self._cutoff, asked=self._asked_beside(still))
 
     @cached_property

@@ -63,7 +63,8 @@ MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
-_MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too
+_MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
+_RIVALS = 0.25  # so much of what it promises where they may do so by chance
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
 
 
@@ -230,7 +231,7 @@ class Search:
         promises little is tried too, unless one surely takes most. What is left beside that is for the next round.
         """
         leads = bool(scored) and scored[0].gain > _MOST and p_values[scored[0].effect.name] <= FALSE_DISCOVERY_RATE
-        by_chance = LEAST_GAIN if self.at_floor or leads else _WORTH_A_TRIAL
+        by_chance = LEAST_GAIN if self.at_floor else _RIVALS * scored[0].gain if leads else _WORTH_A_TRIAL
         return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:

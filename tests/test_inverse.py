@@ -236,6 +236,25 @@ def test_leaving_out_rests_folds_no_noise_into_the_band(count: float) -> None:
     assert rms(noise) < 1.2 * rms((read.needed(BARE) - exact.needed(BARE))[told])
 
 
+@pytest.mark.parametrize(("stop", "unasked"), [(0.25, True), (0.02, False)])
+@pytest.mark.parametrize("long", [True, False], ids=["in one that rests", "in one that does not"])
+def test_records_are_asked_alike_of_short_stops_and_of_slow_motion(stop: float, unasked: bool, long: bool) -> None:
+    """Whether a record has a long rest too or not; and motion by a count from sample to sample is none."""
+    h, count = H / 4, 1e-3
+    period = round(1 / (BAND * h))
+    n, at, short = 60 * period, 40 * period, round(stop * period)
+    speed = np.full(n, count / h)
+    speed[at : at + short] = 0.0
+    if long:
+        speed[10 * period : 15 * period] = 0.0
+    position = count * np.round(h * np.cumsum(speed) / count)
+    record = Record("made", h * np.arange(n), {"torque": np.zeros(n), "position": position}, resolution=count)
+    resting = Observation(record, BAND).without_rests().resting
+    assert resting[at : at + short].any() == unasked
+    assert resting[11 * period : 14 * period].all() == resting[11 * period : 14 * period].any() == long
+    assert not resting[20 * period : 35 * period].any()
+
+
 def test_an_axis_that_swings_out_is_asked_about_all_of_it() -> None:
     torque = np.zeros(4000)
     torque[500:540] = torque[2500:2540] = 0.02
