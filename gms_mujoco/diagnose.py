@@ -233,7 +233,8 @@ def diagnose(
     search = Search(seen, select, start, without)
     law_said, late = searched(search, plant is None, part(report, 0.02, 0.9))
     if plant is None and not search.at_floor and not search.hint:
-        others = [Search(seen, select, with_law(start, law), without) for law in choices(start)[1:]]
+        laws = choices(start)[1:]
+        others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
         for other in leading_further(search, others):
             _, other_late = searched(other, False, part(report, 0.9, 0.9))
             if better := much_better(search, other):

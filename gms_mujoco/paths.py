@@ -25,7 +25,7 @@ def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
     if not search.steps:
         search.first(part(report, 0.0, 0.22, "baseline"))
     _to_its_end(search, friction, part(report, 0.22, 0.82))
-    if not search.at_floor:
+    if not search.at_floor and not search.quick:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
     return friction.said, drop_late(search)
 

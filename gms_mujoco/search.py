@@ -122,12 +122,15 @@ class Search:
         select: what has to agree with a choice; may be empty.
         start: to begin with.
         without: names of effects that are not looked at.
+        quick: whether it follows what it sees alone: nothing is tried from the beginning, and no path not taken.
     """
 
     def __init__(
-        self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str] = ()
-    ) -> None:
+        self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str] = (),
+        quick: bool = False,
+    ) -> None:  # fmt: skip
         self.seen, self.select, self.start, self.without = list(seen), list(select), start, without
+        self.quick = quick
         self.steps: list[Step] = []
         self.rejected: list[Tried] = []
         self.false: set[str] = set()  # effects that were added and taken away again
@@ -273,7 +276,7 @@ class Search:
         then what the effect would explain.
         """
         now, fits = self.steps[-1].result, self.fits
-        if self.at_floor or fits.simulated:
+        if self.at_floor or fits.simulated or self.quick:
             return []
         near, there = now.misfit.onto(now.plant, now.vector, fits.few)
         cost = near.cost(there)
