@@ -19,6 +19,7 @@ from .fit import baseline
 from .fit_result import with_covariance
 from .frf_observation import Seen
 from .friction_law import choices, leading_further, much_better, with_law, would_be_better
+from .given_inertia import corrected, free, is_doubtful
 from .held_out import p_value
 from .inverse import Observation
 from .judgement import AT_FLOOR
@@ -198,6 +199,9 @@ def diagnose(
     other law that with one effect may leave less, and that law taken where it leaves much less in the end. A law of
     your own `plant` stays: what another would do is told in the remainder.
 
+    An inertia that is given stays too, unless the records contradict it: where another leaves much less, or as little
+    as an effect that was found in its place, it is identified, and the evidence of the baseline says so.
+
     Args:
         runs: a measurement set with at least one fit record.
         plant: where to start from; None: the default baseline.
@@ -231,7 +235,13 @@ def diagnose(
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
     search = Search(seen, select, start, without)
-    law_said, late = searched(search, plant is None, part(report, 0.02, 0.9))
+    law_said, late = searched(search, plant is None, part(report, 0.02, 0.85))
+    inertia_said = ""
+    other = Search(seen, select, free(start), without)
+    if is_doubtful(search, other):
+        other_law, other_late = searched(other, plant is None, part(report, 0.85, 0.9))
+        if inertia_said := corrected(search, other):
+            start, search, law_said, late = free(start), other, other_law, other_late
     if plant is None and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
@@ -251,9 +261,10 @@ def diagnose(
     noise = last.noise
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
     validate = as_fitted(validate, last.plant.provenance)
+    begun = ". ".join(filter(None, (inertia_said, law_said)))
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
-                evidence=_evidence(search.steps[i - 1], s) if i else law_said)
+                evidence=_evidence(search.steps[i - 1], s) if i else begun)
         for i, s in enumerate(search.steps)
     )  # fmt: skip
     comparison = steps[-1].comparison

@@ -12,7 +12,7 @@ from .effect import Effect
 from .fit import fit_observations
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
-from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, left_of, takes
+from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, leaves_much_less, left_of, takes
 from .linear_model import cross_validated
 from .plant import Plant
 from .progress import silent
@@ -134,14 +134,9 @@ def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
 
 
 def much_better(search: Search, other: Search) -> str:
-    """A sentence where a search with another law of friction from its beginning leaves much less; else empty.
-
-    A stiff law passes on more of the encoder's noise, and has a floor to show for all that it leaves: the lower counts.
-    """
+    """A sentence where a search with another law of friction from its beginning leaves much less; else empty."""
     before, after = search.steps[-1].result, other.steps[-1].result
-    floor = min(before.floor, after.floor)
-    much = after.error**2 - floor**2 < _MUCH * (before.error**2 - floor**2)
-    if not (much and search.selects(after)):
+    if not (leaves_much_less(before, after) and search.selects(after)):
         return ""
     return (
         f"{law_of(other.start)} describes the friction, in the place of {law_of(search.start)}: with it and what is "

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
+from scipy import optimize
 
 from .candidates import lean
 from .fit_result import FitResult
@@ -24,6 +27,9 @@ from .starts import weakened
 SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
+_ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
+_FINE = 0.02  # relative: exponents that differ by less are the same
+_TRIES = 6  # of exponents at most, to find the best
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
@@ -34,7 +40,8 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     """A fit with another exponent of the Stribeck curve, which no fit frees, or from another velocity, between which
     and the present one a fit may find no way; the same where none takes a good part of what is left.
 
-    What friction does at steady speed need not ask for it: the curve is that of every reversal too.
+    The usual exponents come first, then any beside the best of them. What friction does at steady speed need not ask
+    for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
@@ -56,7 +63,35 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         if not takes(before, left_of(misfit, x), floor):
             continue
         now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
+    for name in curved:
+        now, left = _between(now, left, name)
     return now, left
+
+
+def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldOut]:
+    """A fit with the exponent of a law's Stribeck curve that leaves the least, near the present one; the same where it
+    takes no good part of what is left."""
+    if at_floor(now, left):
+        return now, left
+    law, before, floor = now.plant[name], left_of(now.misfit, now.vector), floor_of(now)
+    best, least = (now.misfit, now.vector), before
+
+    @functools.cache
+    def cost(exponent: float) -> float:
+        nonlocal best, least
+        plant = best[0].plant(best[1])
+        misfit, x = best[0].onto(plant.replace(plant[name].replace(stribeck_exponent=math.exp(exponent))), best[1])
+        x = nudge(misfit, x)
+        if (after := left_of(misfit, x)) < least:
+            best, least = (misfit, x), after
+        return after
+
+    here = math.log(float(np.asarray(law.stribeck_exponent)))
+    sides = sorted((here - _ASIDE, here + _ASIDE), key=cost)
+    if not takes(before, least, floor, LEAST_SHARE / 2):
+        return now, left
+    optimize.minimize_scalar(cost, bracket=(here, sides[0]), options={"xtol": _FINE, "maxiter": _TRIES})
+    return _better(now, left, without_idle(fit_to_end(*best)), LEAST_SHARE)
 
 
 def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:

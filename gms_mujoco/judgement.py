@@ -42,6 +42,7 @@ _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when
 CLOSE = 1.5  # times what the best left: an effect that left more is none in its place
 NEARLY = 0.9  # of what the best took: one of fewer parameters that took as much is
 _NO_MORE = 0.01  # of what a fit leaves: one that leaves so little more leaves as much
+_HALF = 0.5  # of the squared error above the floor: another plant that leaves less than that is told
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 
@@ -385,6 +386,16 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]
+
+
+def leaves_much_less(before: FitResult, after: FitResult) -> bool:
+    """Whether a fit leaves less than half of the squared error above the floor that another leaves.
+
+    A plant that is stiffer passes on more of the encoder's noise, and has a floor to show for all that it leaves: the
+    lower counts.
+    """
+    floor = min(before.floor, after.floor)
+    return after.error**2 - floor**2 < _HALF * (before.error**2 - floor**2)
 
 
 def discoveries(p_values: dict[str, float]) -> set[str]:

@@ -1,10 +1,11 @@
 """The shape of a plant's own friction, where a fit does not find it."""
 
 import numpy as np
+import pytest
 from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 
 from gms_mujoco import effects
-from gms_mujoco.friction_shape import by_the_letter, following
+from gms_mujoco.friction_shape import by_the_letter, following, other_curve
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -27,6 +28,21 @@ def test_beside_friction_that_follows_its_level_what_modulates_it_is_seen() -> N
     for plant in (HEALTHY.replace(GMS.replace(attraction=500 * LEVEL)), HEALTHY.without("gms")):
         misfit = Misfit(plant, seen, fixed=["gms.attraction"])
         assert following(refine(misfit, misfit.vector(plant), 1)) is None
+
+
+@pytest.mark.parametrize("exponent", [0.75, 1.4])
+def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
+    """With it the levels come out right, and none is better still."""
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5)
+    true = HEALTHY.replace(law.replace(stribeck_exponent=exponent))
+    seen = observe(runs(true, seconds=6.0, seed=2, torque_noise=2e-6), J)
+    misfit = Misfit(HEALTHY.replace(law), seen)
+    before = refine(misfit, misfit.vector(true))
+    found, left = other_curve(before, cross_validated(before.misfit, before.vector))
+    assert found.plant["gms"].stribeck_exponent == pytest.approx(exponent, rel=0.03)
+    assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.002)
+    assert found.plant["gms"].static == pytest.approx(2 * LEVEL, rel=0.02)
+    assert found.error < 0.3 * before.error and other_curve(found, left)[0] is found
 
 
 def test_a_log_made_by_the_letter_of_the_switching_law_is_fitted_by_it() -> None:

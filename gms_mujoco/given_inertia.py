@@ -1,0 +1,66 @@
+"""An inertia that is given, and that the records contradict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .judgement import AT_FLOOR, CLOSE, Trial, floor_of, leaves_much_less, left_of, simplest, without
+from .least_squares import nudge
+from .plant import Plant
+from .progress import silent
+from .refine import refined
+from .search import Search
+
+_OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
+_HALF = 0.5  # of the squared error above the floor
+
+
+def free(plant: Plant) -> Plant:
+    """The plant with an inertia to be identified, from the one that is given."""
+    return replace(plant, inertia_known=False)
+
+
+def is_doubtful(search: Search, other: Search) -> bool:
+    """Whether another inertia than the given one would leave hardly more in the place of an effect that was found, or
+    with one effect that is still missing much less.
+
+    A load on a spring too soft to move it takes its inertia off the axis, and a late torque looks like a heavier one:
+    an effect may say no more than that a figure from a drawing is wrong.
+
+    Args:
+        search: that has ended.
+        other: from the same start but for the inertia, which is free; where that is needed it begins.
+    """
+    last = search.steps[-1].result
+    if not last.plant.inertia_known or search.fits.simulated:
+        return False
+    least, floor = left_of(last.misfit, last.vector), floor_of(last)
+    enough = max(CLOSE * least, AT_FLOOR**2 * floor)
+    for step in search.steps[1:]:
+        misfit, x = without(last, str(step.effect))
+        misfit, x = misfit.onto(free(misfit.plant(x)), x)
+        x = nudge(misfit, x)
+        if left_of(misfit, x) < _OF_USE * enough and left_of(misfit, refined(misfit, x)) < enough:
+            return True
+    if search.at_floor:
+        return False
+    # Friction that has bent beside a wrong inertia does not find back from where it is.
+    other.first(silent)
+    return other.within_reach() < floor + _HALF * max(least - floor, 0.0)
+
+
+def corrected(search: Search, other: Search) -> str:
+    """A sentence where a search that has identified the inertia leaves much less than one that took the given, or as
+    little with fewer effects; else empty."""
+    before, after = search.steps[-1].result, other.steps[-1].result
+    trials = [Trial("", s.steps[-1].result, s.held_out) for s in (search, other)]
+    fewer = len(other.steps) < len(search.steps) and simplest(trials)[0] == 1
+    if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
+        return ""
+    given, found = before.plant.inertia, after.plant.inertia
+    unit = "kg m^2" if after.plant.kind == "hinge" else "kg"
+    return (
+        f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}: with "
+        f"that the {after.score.name} is {after.score.told(after.error)}, else {before.score.told(before.error)}"
+        f"{' with more effects' if fewer else ''}"
+    )
