@@ -110,7 +110,7 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
     spring = [a * axis.level / x for a, x in zip(share, distance, strict=True)]
     held = [0.0] * 5
     inertia, level, viscous = axis.inertia, axis.level, axis.viscous
-    slow = 0.02 * axis.fastest  # Stribeck velocity
+    slow, exponent = 0.02 * axis.fastest, float(rng.uniform(0.7, 2))  # of the Stribeck curve
     lagged, follow = 1.15, h / 0.004  # the level follows the speed late: frictional lag
     q, v, rested = run.start, 0.0, 0.0
     shown, shown_rate, late, crept, dragged = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -145,7 +145,7 @@ def simulate(axis: Axis, hidden: dict[str, Values], run: Run, number: int) -> tu
                 factor *= 1 + age["share"] * math.log1p(rested / age["time"])
             if stick is not None and abs(t / duration - chance.at) < 0.03 / duration:
                 factor *= 1 + stick["torque"] / level
-            lagged += follow * (1 + 0.15 * math.exp(-abs(v) / slow) - lagged)
+            lagged += follow * (1 + 0.15 * math.exp(-((abs(v) / slow) ** exponent)) - lagged)
             top = factor * lagged * level
             f = 0.0
             for j in range(5):

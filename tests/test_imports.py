@@ -36,7 +36,7 @@ LAYERS = [
     {"moments"},
     {"friction_shape", "joint_fits"},
     {"search"},
-    {"recheck", "friction_law"},
+    {"recheck", "friction_law", "given_inertia"},
     {"paths"},
     {"diagnose"},
     {"bootstrap"},
