@@ -51,7 +51,10 @@ def is_doubtful(search: Search, other: Search) -> bool:
 
 def corrected(search: Search, other: Search) -> str:
     """A sentence where a search that has identified the inertia leaves much less than one that took the given, or as
-    little with fewer effects; else empty."""
+    little with fewer effects; else empty.
+
+    A torque that reads too little looks the same, as by a wrong torque constant.
+    """
     before, after = search.steps[-1].result, other.steps[-1].result
     trials = [Trial("", s.steps[-1].result, s.held_out) for s in (search, other)]
     fewer = len(other.steps) < len(search.steps) and simplest(trials)[0] == 1
@@ -59,8 +62,10 @@ def corrected(search: Search, other: Search) -> str:
         return ""
     given, found = before.plant.inertia, after.plant.inertia
     unit = "kg m^2" if after.plant.kind == "hinge" else "kg"
+    assert given is not None and found is not None
+    told = before.score.told
     return (
-        f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}: with "
-        f"that the {after.score.name} is {after.score.told(after.error)}, else {before.score.told(before.error)}"
-        f"{' with more effects' if fewer else ''}"
+        f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "
+        f"{given / found:.4g} times the torque: with that the {after.score.name} is {told(after.error)}, else "
+        f"{told(before.error)}{' with more effects' if fewer else ''}"
     )
