@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from dataclasses import replace
@@ -28,8 +27,8 @@ SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit f
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
 _ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
-_FINE = 0.02  # relative: exponents that differ by less are the same
-_TRIES = 6  # of exponents at most, to find the best
+_STEPS = 10  # of a fit with each exponent that is tried
+_TRIES = 3  # of exponents, once the best is between two others
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
@@ -40,31 +39,34 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     """A fit with another exponent of the Stribeck curve, which no fit frees, or from another velocity, between which
     and the present one a fit may find no way; the same where none takes a good part of what is left.
 
-    The usual exponents come first, then any beside the best of them. What friction does at steady speed need not ask
-    for it: the curve is that of every reversal too.
+    Exponents beside the present one come first, then the usual ones and those beside them. What friction does at steady
+    speed need not ask for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     curved = [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]
     usual = Scales.of(now.misfit.observations)["rad/s"]
-    for name, exponent, velocity in itertools.product(curved, _EXPONENTS, _VELOCITIES):
-        law = now.plant[name]
-        if at_floor(now, left):
-            break
-        if exponent == law.values["stribeck_exponent"] and velocity is None:
-            continue
-        curve = law.replace(stribeck_exponent=exponent)
-        if velocity is not None:
-            curve = weakened(curve, velocity * usual)
-        misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
-        before, floor = left_of(now.misfit, now.vector), floor_of(now)
-        x = nudge(misfit, x, below=now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
-        if not takes(before, left_of(misfit, x), floor):
-            continue
-        now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
     for name in curved:
         now, left = _between(now, left, name)
+        near = now
+        for exponent, velocity in itertools.product(_EXPONENTS, _VELOCITIES):
+            law = now.plant[name]
+            if at_floor(now, left):
+                break
+            if exponent == law.stribeck_exponent and velocity is None:
+                continue
+            curve = law.replace(stribeck_exponent=exponent)
+            if velocity is not None:
+                curve = weakened(curve, velocity * usual)
+            misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
+            before, floor = left_of(now.misfit, now.vector), floor_of(now)
+            x = nudge(misfit, x, below=now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
+            if not takes(before, left_of(misfit, x), floor):
+                continue
+            now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
+        if now is not near:
+            now, left = _between(now, left, name)
     return now, left
 
 
@@ -73,24 +75,25 @@ def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldO
     takes no good part of what is left."""
     if at_floor(now, left):
         return now, left
-    law, before, floor = now.plant[name], left_of(now.misfit, now.vector), floor_of(now)
-    best, least = (now.misfit, now.vector), before
+    here, before = math.log(float(np.asarray(now.plant[name].stribeck_exponent))), left_of(now.misfit, now.vector)
+    best, known = (now.misfit, now.vector), {here: before}
 
-    @functools.cache
     def cost(exponent: float) -> float:
-        nonlocal best, least
-        plant = best[0].plant(best[1])
-        misfit, x = best[0].onto(plant.replace(plant[name].replace(stribeck_exponent=math.exp(exponent))), best[1])
-        x = nudge(misfit, x)
-        if (after := left_of(misfit, x)) < least:
-            best, least = (misfit, x), after
-        return after
+        nonlocal best
+        if exponent not in known:
+            plant = best[0].plant(best[1])
+            curve = plant[name].replace(stribeck_exponent=math.exp(exponent))
+            misfit, x = best[0].onto(plant.replace(curve), best[1])
+            x = nudge(misfit, x, _STEPS)
+            after = left_of(misfit, x)
+            best = (misfit, x) if after < min(known.values()) else best
+            known[exponent] = after
+        return known[exponent]
 
-    here = math.log(float(np.asarray(law.stribeck_exponent)))
-    sides = sorted((here - _ASIDE, here + _ASIDE), key=cost)
-    if not takes(before, least, floor, LEAST_SHARE / 2):
+    side = min((here - _ASIDE, here + _ASIDE), key=cost)
+    if not takes(before, known[side], floor_of(now), LEAST_SHARE / 2):
         return now, left
-    optimize.minimize_scalar(cost, bracket=(here, sides[0]), options={"xtol": _FINE, "maxiter": _TRIES})
+    optimize.minimize_scalar(cost, bracket=(here, side), options={"maxiter": _TRIES})
     return _better(now, left, without_idle(fit_to_end(*best)), LEAST_SHARE)
 
 
