@@ -2,6 +2,7 @@
 
     python benchmarks/hidden_effects.py [--cases N] [--seed FIRST] [--kinds single,healthy,invented,pairs]
         [--effects cogging,...] [--strengths 0.05,0.12,0.3] [--noise DB] [--seconds S] [--rates 1000,2000,4000]
+        [--inertia FACTOR]
 
 Every case is a new axis (`bench_axes.py`): inertia over three decades, friction level, pre-sliding stiffness, encoder
 of 12 to 20 bit, 1 to 4 kHz, noise 20 to 60 dB below the torque, its own choice of runs. The truth comes from MuJoCo's
@@ -39,8 +40,10 @@ PAIRS = (
     ("asymmetric_friction", "cogging"), ("quadratic_drag", "gravity"), ("position_dependent_friction", "torque_offset"),
 )  # fmt: skip
 
-def measured(case: Case, rates: tuple[int, ...], seconds: float, noise: float | None) -> tuple[Axis, Dataset]:
-    """The axis of a case, and its records as a bench would log them."""
+def measured(
+    case: Case, rates: tuple[int, ...], seconds: float, noise: float | None, inertia: float | None = None
+) -> tuple[Axis, Dataset]:
+    """The axis of a case, and its records as a bench would log them; `inertia`: times the true one that is given."""
     rng = np.random.default_rng([case.seed, len(case.hidden)])
     axis = Axis.draw(rng, rates)
     if noise is not None:
@@ -73,11 +76,13 @@ def measured(case: Case, rates: tuple[int, ...], seconds: float, noise: float | 
         if "load_dependent_friction" in hidden and load is not None:
             signals["load"] = load
         records.append(Record(name, np.arange(len(torque)) / axis.rate, signals, use, axis.count))
+    if inertia is not None:  # wrong, so that the records have to tell it
+        return replace(axis, given=False), Dataset(Path(), tuple(records), inertia=inertia * axis.inertia)
     return axis, Dataset(Path(), tuple(records), inertia=axis.inertia if axis.given else None)
 
 
 def solve(case: Case, options: argparse.Namespace) -> Outcome:
-    axis, runs = measured(case, options.rates, options.seconds, options.noise)
+    axis, runs = measured(case, options.rates, options.seconds, options.noise, options.inertia)
     began = time.process_time()
     d = gms.diagnose(runs)
     return Outcome.of(case, axis, d, time.process_time() - began)
@@ -119,6 +124,10 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=None, help="dB below the torque; default: drawn from 20 to 60")
     parser.add_argument("--seconds", type=float, default=5.0, help="of each record")
     parser.add_argument("--rates", type=lambda s: tuple(map(int, s.split(","))), default=(1000, 2000, 4000))
+    parser.add_argument(
+        "--inertia", type=float, default=None,
+        help="times the true one that every axis is said to have; default: for half of them the true one is given",
+    )
     parser.add_argument("--healthy", type=int, default=5, help="healthy axes per round and strength")
     options = parser.parse_args()
     done: list[Outcome] = []

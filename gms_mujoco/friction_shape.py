@@ -27,6 +27,7 @@ SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit f
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
 _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
 _ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
+_WIDE = math.log(4)  # no curve of a larger exponent, or of a smaller one than its inverse, is told from a step
 _STEPS = 10  # of a fit with each exponent that is tried
 _TRIES = 3  # of exponents, once the best is between two others
 _MOST_ELEMENTS = 16  # of friction
@@ -80,6 +81,7 @@ def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldO
 
     def cost(exponent: float) -> float:
         nonlocal best
+        exponent = min(max(exponent, -_WIDE), _WIDE)
         if exponent not in known:
             plant = best[0].plant(best[1])
             curve = plant[name].replace(stribeck_exponent=math.exp(exponent))

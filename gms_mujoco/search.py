@@ -135,6 +135,7 @@ class Search:
         self.rejected: list[Tried] = []
         self.false: set[str] = set()  # effects that were added and taken away again
         self.hint = ""  # what explains more than anything in the catalogue
+        self.waits = False  # whether another curve of friction does, see `shape`
 
     @property
     def fits(self) -> JointFits:
@@ -156,7 +157,7 @@ class Search:
         out, before = copy(self), self.steps[number - 1]
         p = p_value(before.held_out, trial.held_out)
         out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
-        out.seen, out.rejected, out.false, out.hint = list(self.seen), [], set(), ""
+        out.seen, out.rejected, out.false, out.hint, out.waits = list(self.seen), [], set(), "", False
         return out
 
     def left_out(self) -> list[tuple[str, float, Plant | None]]:
@@ -225,7 +226,7 @@ class Search:
         self.rejected = [
             Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
         ]
-        return added
+        return added or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
@@ -424,20 +425,32 @@ class Search:
         """p value of an effect that was added to a fit."""
         return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
-    def shape(self) -> bool:
+    def shape(self, at_last: bool = False) -> bool:
         """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
-        another reading or curve."""
+        another reading or curve.
+
+        A curve that bends at will hides a part of an effect, a drag most of it. One that leaves more than an effect
+        would beside the present curve waits, until `at_last` no effect is found.
+        """
         last = self.steps[-1]
         if not self.timed:
             return False
-        bent, left = other_curve(*by_the_letter(last.result, last.held_out))
-        result, held_out = more_elements(bent, left)
+        read, left = by_the_letter(last.result, last.held_out)
+        bent, best = other_curve(read, left)
+        self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
+        result, held_out = (read, left) if self.waits else more_elements(bent, best)
         self.steps[-1] = replace(last, result=result, held_out=held_out)
         for e in self.start.effects:
             if e.name in result.plant:
                 chosen = result.plant[e.name].values
                 self.start = self.start.replace(e.replace(**{k: chosen[k] for k in SHAPE if k in chosen}))
-        return bent is not last.result
+        return (read if self.waits else bent) is not last.result
+
+    def _explains_more(self, now: FitResult, left: HeldOut, most: HeldOut) -> bool:
+        """Whether a linear refit with an effect more surely leaves less of each block than another fit does."""
+        seen = each(Screen(now.misfit, now.vector).candidate, self._addable)
+        found = [c.held_out for c in seen if c is not None and c.held_out.total < most.total]
+        return any(p_value(left, h) <= FALSE_DISCOVERY_RATE for h in found)
 
     def relogged(self, share: float = EARLY_SHARE) -> bool:
         """Sees the log by another of its habits, where that explains what an effect has hidden, or may stand for."""

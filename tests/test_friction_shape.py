@@ -5,6 +5,7 @@ import pytest
 from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 
 from gms_mujoco import effects
+from gms_mujoco.fit import baseline, fit_as_logged
 from gms_mujoco.friction_shape import by_the_letter, following, other_curve
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
@@ -43,6 +44,16 @@ def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
     assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.002)
     assert found.plant["gms"].static == pytest.approx(2 * LEVEL, rel=0.02)
     assert found.error < 0.3 * before.error and other_curve(found, left)[0] is found
+
+
+def test_an_exponent_stays_where_a_curve_is_one() -> None:
+    """What a curve cannot explain, as here a drag, sends it as far as it may go and no further."""
+    law = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
+    true = HEALTHY.replace(law) + effects.QuadraticDrag(coefficient=0.02 * LEVEL / 20**2)
+    seen = observe(runs(true, seconds=4.0, seed=3, torque_noise=1e-5), J)
+    before = fit_as_logged(baseline(J), seen)
+    found, _ = other_curve(before, cross_validated(before.misfit, before.vector))
+    assert 0.25 <= found.plant["gms"].stribeck_exponent <= 4 and found.error <= before.error
 
 
 def test_a_log_made_by_the_letter_of_the_switching_law_is_fitted_by_it() -> None:
