@@ -12,7 +12,16 @@ from .effect import Effect
 from .fit import fit_observations
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
-from .judgement import AT_FLOOR, FALSE_DISCOVERY_RATE, LEAST_GAIN, floor_of, leaves_much_less, left_of, takes
+from .judgement import (
+    AT_FLOOR,
+    FALSE_DISCOVERY_RATE,
+    LEAST_GAIN,
+    MUCH_LESS,
+    floor_of,
+    leaves_much_less,
+    left_of,
+    takes,
+)
 from .linear_model import cross_validated
 from .plant import Plant
 from .progress import silent
@@ -26,7 +35,6 @@ LAWS: dict[str, dict[str, float]] = {
     "gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
 }  # fmt: skip
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
-_MUCH = 0.5  # of the squared error above the floor: another law that leaves less than that is told
 
 
 @dataclass(frozen=True)
@@ -175,7 +183,7 @@ def would_be_better(search: Search) -> str:
     laws = choices(last.plant) if search.timed and above > 0 else ()
     for law in laws[1:]:
         other = fit_observations(with_law(last.plant, law), last.misfit.observations)
-        if other.error**2 - last.floor**2 <= _MUCH * above:
+        if other.error**2 - last.floor**2 <= MUCH_LESS * above:
             return (
                 f"friction is better described by {law.name} in the place of {laws[0].name}: "
                 f"{100 * other.error:.2f} % of the torque would be left instead of {100 * last.error:.2f} %"

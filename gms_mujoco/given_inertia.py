@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .judgement import AT_FLOOR, CLOSE, Trial, floor_of, leaves_much_less, left_of, simplest, without
+from .judgement import AT_FLOOR, CLOSE, MUCH_LESS, floor_of, leaves_much_less, left_of, without
 from .least_squares import nudge
+from .paths import best
 from .plant import Plant
 from .progress import silent
 from .refine import refined
 from .search import Search
 
 _OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
-_HALF = 0.5  # of the squared error above the floor
 
 
 def free(plant: Plant) -> Plant:
@@ -46,7 +46,7 @@ def is_doubtful(search: Search, other: Search) -> bool:
         return False
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
-    return other.within_reach() < floor + _HALF * max(least - floor, 0.0)
+    return other.within_reach() < floor + MUCH_LESS * max(least - floor, 0.0)
 
 
 def corrected(search: Search, other: Search) -> str:
@@ -56,13 +56,10 @@ def corrected(search: Search, other: Search) -> str:
     A torque that reads too little looks the same, as by a wrong torque constant.
     """
     before, after = search.steps[-1].result, other.steps[-1].result
-    trials = [Trial("", s.steps[-1].result, s.held_out) for s in (search, other)]
-    fewer = len(other.steps) < len(search.steps) and simplest(trials)[0] == 1
+    fewer = len(other.steps) < len(search.steps) and best([search, other]) == 1
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
-    given, found = before.plant.inertia, after.plant.inertia
-    unit = "kg m^2" if after.plant.kind == "hinge" else "kg"
-    assert given is not None and found is not None
+    (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
     told = before.score.told
     return (
         f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "

@@ -42,7 +42,7 @@ _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when
 CLOSE = 1.5  # times what the best left: an effect that left more is none in its place
 NEARLY = 0.9  # of what the best took: one of fewer parameters that took as much is
 _NO_MORE = 0.01  # of what a fit leaves: one that leaves so little more leaves as much
-_HALF = 0.5  # of the squared error above the floor: another plant that leaves less than that is told
+MUCH_LESS = 0.5  # of the squared error above the floor: another plant that leaves less than that is told
 _CONFUSABLE = 0.05  # p value above which two refitted candidates are not told apart
 
 
@@ -395,7 +395,7 @@ def leaves_much_less(before: FitResult, after: FitResult) -> bool:
     lower counts.
     """
     floor = min(before.floor, after.floor)
-    return after.error**2 - floor**2 < _HALF * (before.error**2 - floor**2)
+    return after.error**2 - floor**2 < MUCH_LESS * (before.error**2 - floor**2)
 
 
 def discoveries(p_values: dict[str, float]) -> set[str]:

@@ -69,13 +69,13 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
         if _names(other) in known:
             continue
         known.append(_names(other))
-        if _best([search, other]):
+        if best([search, other]):
             if len(other.steps) > most:  # there may be more to it
                 _to_its_end(other, law, silent)
             ends.append((other, law))
         if other.at_floor:
             break
-    other, law = ends[_best([s for s, _ in ends])]
+    other, law = ends[best([s for s, _ in ends])]
     search.become(other)
     return law
 
@@ -84,7 +84,8 @@ def _names(search: Search) -> set[str]:
     return {e.name for e in search.steps[-1].result.plant.effects}
 
 
-def _best(searches: Sequence[Search]) -> int:
+def best(searches: Sequence[Search]) -> int:
+    """Which search has come furthest, by its place; the simplest of those that have come as far."""
     return simplest([Trial("", s.steps[-1].result, s.held_out) for s in searches])[0]
 
 

@@ -189,7 +189,7 @@ class Search:
         [N^2 m^2]; see `left_of`."""
         current = self.steps[-1].result
         screen = Screen(current.misfit, current.vector)
-        gains = [c.gain for c in each(screen.candidate, self._addable) if c is not None]
+        gains = [c.gain for c in self._candidates(screen)]
         return (1 - max(gains, default=0.0)) * left_of(current.misfit, current.vector)
 
     def add_one(self, report: Progress) -> bool:
@@ -197,8 +197,7 @@ class Search:
         current, fits = self.steps[-1].result, self.fits
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
-        scored = [c for c in each(screen.candidate, self._addable) if c is not None]
-        scored.sort(key=lambda c: -c.gain)
+        scored = sorted(self._candidates(screen), key=lambda c: -c.gain)
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
 
@@ -448,9 +447,8 @@ class Search:
 
     def _explains_more(self, now: FitResult, left: HeldOut, most: HeldOut) -> bool:
         """Whether a linear refit with an effect more surely leaves less of each block than another fit does."""
-        seen = each(Screen(now.misfit, now.vector).candidate, self._addable)
-        found = [c.held_out for c in seen if c is not None and c.held_out.total < most.total]
-        return any(p_value(left, h) <= FALSE_DISCOVERY_RATE for h in found)
+        found = [c.held_out for c in self._candidates(Screen(now.misfit, now.vector))]
+        return any(h.total < most.total and p_value(left, h) <= FALSE_DISCOVERY_RATE for h in found)
 
     def relogged(self, share: float = EARLY_SHARE) -> bool:
         """Sees the log by another of its habits, where that explains what an effect has hidden, or may stand for."""
@@ -485,6 +483,10 @@ class Search:
         earned = self.is_worth_it(self.steps[-1].result, left)
         earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
         return 1 - left.total / self.held_out.total if earned else 0.0
+
+    def _candidates(self, screen: Screen) -> list[Candidate]:
+        """What could be added to the current plant, of which a linear refit shows anything."""
+        return [c for c in each(screen.candidate, self._addable) if c is not None]
 
     @property
     def _addable(self) -> list[type[Effect]]:
