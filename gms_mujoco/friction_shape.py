@@ -13,7 +13,7 @@ from .candidates import lean
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .inverse import Observation
-from .judgement import FALSE_DISCOVERY_RATE, LEAST_SHARE, at_floor, floor_of, is_worth_it, least_fall, left_of, takes
+from .judgement import LEAST_SHARE, at_floor, floor_of, least_fall, left_of, takes
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
@@ -28,6 +28,8 @@ _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tai
 _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
 _ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
 _WIDE = math.log(4)  # no curve of a larger exponent, or of a smaller one than its inverse, is told from a step
+_SIGNIFICANT = 0.05  # p value of what another shape of the law takes
+_NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent is looked for
 _STEPS = 10  # of a fit with each exponent that is tried
 _TRIES = 3  # of exponents, once the best is between two others
 _MOST_ELEMENTS = 16  # of friction
@@ -74,7 +76,7 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldOut]:
     """A fit with the exponent of a law's Stribeck curve that leaves the least, near the present one; the same where it
     takes no good part of what is left."""
-    if at_floor(now, left):
+    if left.total <= _NEARLY_NOISE**2 * floor_of(now):
         return now, left
     here, before = math.log(float(np.asarray(now.plant[name].stribeck_exponent))), left_of(now.misfit, now.vector)
     best, known = (now.misfit, now.vector), {here: before}
@@ -163,8 +165,15 @@ def without_idle(result: FitResult) -> FitResult:
 
 
 def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> tuple[FitResult, HeldOut]:
-    """The other fit with what it leaves, where it is worth that; else the present one."""
+    """The other fit with what it leaves, where that is so much less of what is not noise; else the present one.
+
+    The law is there in either and its shape is no discovery: one test is made of it and not one of a catalogue, and at
+    the noise floor too it takes of the rest alone.
+    """
     held_out = cross_validated(result.misfit, result.vector)
-    if is_worth_it(now, left, result, held_out, share) and p_value(left, held_out) < FALSE_DISCOVERY_RATE:
+    floor = min(floor_of(now), floor_of(result))
+    falls = [(left.total, held_out.total), tuple(left_of(r.misfit, r.vector) for r in (now, result))]
+    worth = left.total > now.negligible and all(takes(a, b, floor, share) for a, b in falls)
+    if worth and p_value(left, held_out) < _SIGNIFICANT:
         return result, held_out
     return now, left

@@ -1,24 +1,30 @@
-"""Friction elements that a fit has put in the wrong places are moved: one becomes two, and two of a kind become one.
+"""Friction elements that a fit has put in the wrong places are moved: all of them anew, or one becomes two, and two of
+a kind become one.
 
-Each element goes downhill on its own. Two that break away at the same distance do the same, and to part them changes
-nothing in first order; an element where there should be two stands between them. What it would bring to part it is of
-second order, and can be computed (split and merge, as for mixtures: Ueda, Nakano, Ghahramani and Hinton, Neural
-Computation 12, 2000).
+Each element goes downhill on its own, and what it does when it slips stands between it and a better place. Yet the
+force of an element of given break-away distance is in proportion to its share of the level, whatever the curve of
+friction: on a grid of distances non-negative least squares finds the shares that are best beside all else as it is.
+
+Two elements that break away at the same distance do the same, and to part them changes nothing in first order; an
+element where there should be two stands between them. What it would bring to part it is of second order, and can be
+computed (split and merge, as for mixtures: Ueda, Nakano, Ghahramani and Hinton, Neural Computation 12, 2000).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from .effect import Effect
 from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
-from .starts import longest_break_away
+from .starts import break_away_distances, gathered, longest_break_away
 from .tall import gram, times
 
 Array = NDArray[np.float64]
@@ -29,6 +35,11 @@ _LEAST = 5e-3  # of the level: less is not worth parting
 _MOVES = 4
 _TRIES = 2  # elements that are parted in turn, best first
 _WORTH = 0.02  # of the cost, by which a move is to lower it
+_SPACING = 0.1  # of a grid of break-away distances: each is so much further than the one before
+_AT_ONCE = 64  # elements that one law has
+_PATIENCE = 100  # changes of what is of use, for each distance
+_FINER = 5  # times finer it is made around those that are found to be of use
+_BEYOND = 2.0  # times nearer than the nearest element, and further than the furthest, the grid goes
 
 
 def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfit, Array]:
@@ -40,18 +51,33 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
     """
     if not _movable(misfit):
         return misfit, x
-    cost = misfit.cost(x)
+    first = _first_better(misfit, x, _anew(misfit, x), fixed)
+    misfit, x = first or (misfit, x)
     for _ in range(_MOVES):
-        for gms, parent in _moves(misfit, x, cost):
-            trial, y = _moved(misfit, x, gms, parent, fixed)
-            y = nudge(trial, y)
-            left = trial.cost(y)
-            if left < (1 - _WORTH) * cost:
-                misfit, x, cost = trial, y, left
-                break
-        else:
+        better = _first_better(misfit, x, _moves(misfit, x), fixed)
+        if better is None:
             break
+        misfit, x = better
     return misfit, x
+
+
+def _first_better(
+    misfit: Misfit, x: Array, moves: Iterable[tuple[Effect, Indices]], fixed: Collection[str]
+) -> tuple[Misfit, Array] | None:
+    """The problem after the first of some moves that is worth it; None where none is.
+
+    Args:
+        misfit, x: the problem before, and its solution.
+        moves: the law with other elements, and the parent of each.
+        fixed: what the problem leaves as it is, see `Misfit`.
+    """
+    enough = (1 - _WORTH) * misfit.cost(x)
+    for gms, parent in moves:
+        trial, y = _moved(misfit, x, gms, parent, fixed)
+        y = nudge(trial, y)
+        if trial.cost(y) < enough:
+            return trial, y
+    return None
 
 
 def parted(misfit: Misfit, x: Array, worth: float) -> tuple[Misfit, Array] | None:
@@ -142,9 +168,82 @@ class _Elements:
         return half, half / (self.distance[i] * np.array([by, 1 / by]))
 
 
-def _moves(misfit: Misfit, x: Array, cost: float) -> Iterator[tuple[Effect, Indices]]:
+class _Shares:
+    """The shares of the level that elements of any break-away distance would have beside all else at a solution.
+
+    Attributes:
+        gms, share, distance: the law at the solution, of which distances are for a level of 1.
+        some: (n,) whether an element has enough of the level to count.
+    """
+
+    def __init__(self, misfit: Misfit, x: Array) -> None:
+        self.misfit, self.x, self.gms = misfit, x, misfit.plant(x)["gms"]
+        self.share = np.asarray(self.gms.fraction)
+        self.distance, self.some = self.share / np.asarray(self.gms.stiffness), self.share > _LEAST
+        residual, self._project = _projected(misfit, x, lambda label: not label.startswith("gms."))
+        self._target = self._forces(self.distance, np.arange(len(self.share))) @ self.share - residual
+
+    def nearest(self, distances: Array) -> Indices:
+        """(k,) the elements that break away most nearly there."""
+        away = np.abs(np.log(distances[:, None] / self.distance[self.some]))
+        return np.flatnonzero(self.some)[np.argmin(away, 1)]
+
+    def on(self, distances: Array) -> tuple[Array, float]:
+        """(k,) the best shares of elements at these distances, and the squared residual that is left."""
+        columns = self._forces(distances, self.nearest(distances))
+        size = np.maximum(np.sqrt((columns**2).sum(0)), 1e-300)
+        triangle = np.asarray(np.linalg.qr(np.column_stack([columns / size, self._target]), mode="r"))
+        shares, left = optimize.nnls(triangle[:, :-1], triangle[:, -1], maxiter=_PATIENCE * len(distances))
+        return shares / size, left**2
+
+    def grid(self) -> Array:
+        """(k,) distances around those of the elements that slip in some record; none where none does."""
+        seen, level = self.misfit.observations, self.share.sum() * float(np.asarray(self.gms.coulomb))
+        slips = self.some & (level * self.distance <= break_away_distances(seen).max())
+        if not slips.any():
+            return np.empty(0)
+        longest = longest_break_away(level * self.distance, level * self.share, seen) / level
+        near, far = self.distance[slips].min() / _BEYOND, self.distance[slips].max()
+        far = max(far, min(_BEYOND * far, longest))
+        return np.exp(np.arange(np.log(near), np.log(far) + _SPACING, _SPACING))
+
+    def _forces(self, distances: Array, parent: Indices) -> Array:
+        """(m, k) what elements do that have all of the level."""
+        out = []
+        for part in np.array_split(np.arange(len(distances)), math.ceil(len(distances) / _AT_ONCE)):
+            even = np.full(len(part), 1 / len(part))
+            law = _with_elements(self.gms, even, even / distances[part])
+            out.append(self.misfit.of_elements(self.x, law, parent[part]) * len(part))
+        return self._project(np.concatenate(out).T)
+
+
+def _anew(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
+    """As many elements where the best shares on a grid of distances are, and the nearest of the present ones for each;
+    nothing where that promises no less.
+
+    Responses are not asked: few of their points tell one distance from the next.
+    """
+    if not all(isinstance(o, Observation) for o in misfit.observations):
+        return
+    elements = _Shares(misfit, x)
+    grid = elements.grid()
+    if not len(grid):
+        return
+    shares, _ = elements.on(grid)
+    beside = np.arange(-_FINER, _FINER + 1) * _SPACING / _FINER
+    finer = np.exp(np.unique(np.add.outer(np.log(grid[shares > 0]), beside).round(6)))
+    if not len(finer):
+        return
+    shares, left = elements.on(finer)
+    if not shares.any() or left > (1 - _WORTH) * misfit.cost(x):
+        return
+    springs, shares, _ = gathered(finer, shares, len(elements.share))
+    yield _with_elements(elements.gms, shares, springs), elements.nearest(shares / springs)
+
+
+def _moves(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
     """Elements of which one has been parted and two others are one, and the parent of each; the best of them first."""
-    law = _Elements(misfit, x)
+    law, cost = _Elements(misfit, x), misfit.cost(x)
     n = len(law.level)
     done: set[int] = set()
     for k in np.argsort(-law.gain):
@@ -164,12 +263,22 @@ def _moves(misfit: Misfit, x: Array, cost: float) -> Iterator[tuple[Effect, Indi
         yield _with_elements(law.gms, share, springs), parent
 
 
-def _projected(misfit: Misfit, x: Array) -> tuple[Array, Callable[[Array], Array]]:
-    """The residual (m,) at a solution without what the unknowns can do, and what takes that out of columns (m, k)."""
+def _projected(
+    misfit: Misfit, x: Array, counts: Callable[[str], bool] | None = None
+) -> tuple[Array, Callable[[Array], Array]]:
+    """The residual (m,) at a solution without what the unknowns can do, and what takes that out of columns (m, k).
+
+    Args:
+        misfit, x: the problem and its solution.
+        counts: by its label, whether a parameter is among the unknowns that count; None: all do, and all memory.
+    """
     residual = misfit.residual(x)
     tangents = misfit.jacobian(x)
     size = np.sqrt((tangents**2).sum(0))
     seen = (size > 0) & ~misfit.held(x, gram(tangents, residual))
+    if counts is not None:
+        labels = misfit.coordinates.labels
+        seen &= np.append([counts(label) for label in labels], np.zeros(len(seen) - len(labels), bool))
     tangents = tangents[:, seen] / size[seen]
     normal = np.linalg.pinv(gram(tangents, tangents), rcond=1e-10, hermitian=True)
 

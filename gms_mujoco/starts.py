@@ -62,7 +62,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
         first = replace(plant, inertia=inertia, effects=tuple(rest))
         return [replace(first, inertia=_maxwell_slip(first, (), observations)[0])] if plant.inertia is None else [first]
 
-    distances = _distances(observations)
+    distances = break_away_distances(observations)
     others = replace(plant, effects=tuple(rest))
     inertia, viscous, levels = _maxwell_slip(others, distances, observations, spring=True)
     if not any(isinstance(o, Observation) for o in observations):
@@ -73,7 +73,7 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
             inertia, viscous, levels = _maxwell_slip(others, distances, observations)
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
-    group = _gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
+    group = gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
     stiffness, share, level = group(distances, levels, law.elements)
     if "fraction" in law.values and "stiffness" in law.unset and np.ptp(law.fraction) < 1e-12:
         law = law.replace(fraction=share)  # equal shares are what nobody has chosen
@@ -142,7 +142,7 @@ def _of_one_bristle(distances: Array, levels: Array, level: float) -> float:
     return level * math.log(2) / half
 
 
-def _distances(observations: Sequence[Seen]) -> Array:
+def break_away_distances(observations: Sequence[Seen]) -> Array:
     """Break-away distances to try: those that the records pass, and those that the amplitudes of responses tell."""
     grids = []
     records = [o for o in observations if isinstance(o, Observation)]
@@ -365,7 +365,7 @@ def _grouped(distances: Array, levels: Array, n: int) -> tuple[Array, Array, flo
     return np.maximum(stiffness, softest), level / level.sum(), total
 
 
-def _gathered(distances: Array, levels: Array, n: int) -> tuple[Array, Array, float]:
+def gathered(distances: Array, levels: Array, n: int) -> tuple[Array, Array, float]:
     """The same where small distances matter however little of the level breaks away there."""
     total = float(levels.sum())
     active = np.flatnonzero(levels > 1e-6 * total)
