@@ -51,14 +51,21 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
     """
     if not _movable(misfit):
         return misfit, x
-    first = _first_better(misfit, x, _anew(misfit, x), fixed)
-    misfit, x = first or (misfit, x)
     for _ in range(_MOVES):
         better = _first_better(misfit, x, _moves(misfit, x), fixed)
         if better is None:
             break
         misfit, x = better
     return misfit, x
+
+
+def placed_anew(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfit, Array] | None:
+    """The same problem near a solution with all elements of `gms` placed anew; None where that leaves no less.
+
+    Arguments as for `placed`, whose moves come first: few elements that are placed beside much that is wrong yet may go
+    further astray.
+    """
+    return _first_better(misfit, x, _anew(misfit, x), fixed) if _movable(misfit) else None
 
 
 def _first_better(
