@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from .habits import as_logged, may_be_otherwise
 from .least_squares import nudge
 from .misfit import Misfit
 from .observe import Data, driven, observe
-from .placement import placed_anew
 from .plant import Plant
 from .progress import Progress, silent
 from .refine import finish, refined, to_end
@@ -96,7 +94,7 @@ def fit(
     report(0.0, "looking at the records")
     observations = observe(data, plant.inertia, bandwidth)
     misfit, x = _by_its_habits(plant, observations, fixed, report)
-    found = _elsewhere(_weakened_otherwise(finish(misfit, x), plant, fixed, report), fixed)
+    found = _weakened_otherwise(finish(misfit, x), plant, fixed, report)
     report(1.0, found.status)
     return found
 
@@ -113,13 +111,6 @@ def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], 
         if trial.cost(there) < misfit.cost(x) and (other := finish(trial, there)).is_near_floor:
             return other
     return found
-
-
-def _elsewhere(found: FitResult, fixed: Collection[str]) -> FitResult:
-    """The fit found or, above the noise floor, one with all elements of friction placed anew where that leaves less."""
-    if found.is_near_floor or (anew := placed_anew(found.misfit, found.vector, fixed)) is None:
-        return found
-    return min(found, finish(anew[0], refined(*anew)), key=attrgetter("error"))
 
 
 def fit_observations(

@@ -18,7 +18,7 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .moments import has_moments, refit_between
-from .placement import parted, placed_anew
+from .placement import parted
 from .refine import fit_to_end, refine
 from .scales import Scales
 from .starts import weakened
@@ -118,18 +118,6 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     whole = Misfit(plant.replace(plant["gms"].replace(slips_back=1.0)), now.misfit.observations)
     found = fit_to_end(whole, whole.vector(whole.coordinates.template, skew=calm.skew(x)))
     return _better(now, left, found, LEAST_SHARE)
-
-
-def elsewhere(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
-    """A fit with all elements of friction placed anew; the same where that takes no good part of what is left.
-
-    Args:
-        now, left: the fit, and what it leaves on held-out blocks.
-    """
-    if now.score.of != "torque" or left.total <= _NEARLY_NOISE**2 * floor_of(now):
-        return now, left
-    anew = placed_anew(now.misfit, now.vector)
-    return (now, left) if anew is None else _better(now, left, refine(*anew), LEAST_SHARE)
 
 
 def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:

@@ -19,7 +19,7 @@ from .effect import Effect
 from .fit import fit_as_logged
 from .fit_result import FitResult
 from .frf_observation import Seen
-from .friction_shape import SHAPE, by_the_letter, elsewhere, following, more_elements, other_curve, without_idle
+from .friction_shape import SHAPE, by_the_letter, following, more_elements, other_curve, without_idle
 from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -425,8 +425,8 @@ class Search:
         return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
     def shape(self, at_last: bool = False) -> bool:
-        """Gives friction other places of its elements, another reading of its law, another curve and more elements where
-        they earn it; whether any but the last.
+        """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
+        another reading or curve.
 
         A curve that bends at will hides a part of an effect, a drag most of it. One that leaves more than an effect
         would beside the present curve waits, until `at_last` no effect is found.
@@ -434,11 +434,9 @@ class Search:
         last = self.steps[-1]
         if not self.timed:
             return False
-        read, left = by_the_letter(*elsewhere(last.result, last.held_out))
+        read, left = by_the_letter(last.result, last.held_out)
         bent, best = other_curve(read, left)
         self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
-        if bent is not read and not self.waits:
-            bent, best = elsewhere(bent, best)
         result, held_out = (read, left) if self.waits else more_elements(bent, best)
         self.steps[-1] = replace(last, result=result, held_out=held_out)
         for e in self.start.effects:
