@@ -202,7 +202,8 @@ def _drives(effect: Effect) -> bool:
 def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float) -> bool:
     """Whether an effect takes its share on held-out blocks and of what the fits leave.
 
-    What may pass on less noise has nothing to explain where no more is left than noise leaves beside the same friction.
+    What may pass on less noise has nothing to explain where hardly more is left than noise leaves beside the same
+    friction: no more than that is what it can take.
     """
     quiet = at_floor(now, before)
     floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
@@ -211,7 +212,7 @@ def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: Hel
     if not quiet:
         return True
     idle, quieter = _noise_beside(now, result)
-    if before.total <= idle and _filters(now, result):
+    if _filters(now, result) and before.total - idle < least_fall(before.total, 0.0, share):
         return False
     return takes(before.total, after.total + quieter, 0.0, share)
 

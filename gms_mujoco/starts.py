@@ -191,6 +191,11 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
         span = max(float(t[-1]) for t in timed) - min(float(t[0]) for t in timed)
         settles = float(np.asarray(plant["thermal_drift"].time_constant))
         limits["thermal_drift.time_constant"] = (1e-3 * span, _SETTLES * span, settles)
+    if timed:
+        fastest = 0.5 / min(o.sample_time for o in observations if isinstance(o, Observation))
+        for e in plant.effects:
+            for p in (p for p in e.parameters if p.unit == "Hz" and p.name not in e.unset):
+                limits[f"{e.name}.{p.name}"] = (0.0, fastest, float(np.asarray(e.values[p.name])))
     if "gms" in plant and not plant["gms"].unset:
         limits |= _visible_gms(plant["gms"], observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
