@@ -175,9 +175,9 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
     a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. A fit would
     find no way back from a level that weakens beyond the fastest speed, or, of `gms`, from an element that is too soft,
-    never slips and is a spring, or from a level that is followed faster than the samples come. Friction that settles
-    over much more than the time of the records would be another unit of all of it. A value that the plant has already
-    is inside.
+    never slips and is a spring, or from a level that is followed faster than the samples come. One resonance is told
+    from another only below half of their rate. Friction that settles over much more than the time of the records would
+    be another unit of all of it. A value that the plant has already is inside.
     """
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:

@@ -74,8 +74,9 @@ def test_a_series_goes_on_with_a_usual_harmonic_at_no_least_share() -> None:
 
 @pytest.mark.parametrize(
     ("noise", "friction", "coupling", "worth"),
-    [(60.0, 0.0, 0.0, True), (60.0, 50.0, 0.0, True), (60.0, 0.0, 50.0, False), (101.0, 0.0, 0.0, False)],
-    ids=["as loud", "beside stiffer friction", "quieter", "no more than noise"],
+    [(60.0, 0.0, 0.0, True), (60.0, 50.0, 0.0, True), (60.0, 0.0, 50.0, False), (101.0, 0.0, 0.0, False),
+     (90.0, 0.0, 0.0, False)],
+    ids=["as loud", "beside stiffer friction", "quieter", "no more than noise", "hardly more than noise"],
 )
 def test_at_the_floor_less_noise_is_no_explanation(
     monkeypatch: pytest.MonkeyPatch, noise: float, friction: float, coupling: float, worth: bool

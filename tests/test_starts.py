@@ -55,3 +55,14 @@ def test_friction_is_not_asked_to_settle_over_much_more_than_the_records_last(se
     assert spread(most) > 0.2 > 0.01 > spread(1000 * most)
     slower = drift.replace(time_constant=1e3 * seconds)  # a value that somebody gave
     assert visible_limits(HEALTHY + slower, seen)["thermal_drift.time_constant"][1] >= 1e3 * seconds
+
+
+@pytest.mark.parametrize("name", ["flexible_coupling", "backlash"])
+def test_a_part_swings_no_faster_than_samples_show(name: str) -> None:
+    """Faster ones are all alike: a coupling at 10 MHz had been found, which smoothed the noise of an encoder."""
+    seen = observe(runs(HEALTHY, seconds=0.5), J)
+    swinging = effects.find(name)(inertia=0.3 * J, frequency=80.0)
+    limits = visible_limits(HEALTHY + swinging, seen)[f"{name}.frequency"]
+    assert limits[1] == pytest.approx(0.5 / seen[0].sample_time)
+    given = visible_limits(HEALTHY + swinging.replace(frequency=1e6), seen)[f"{name}.frequency"]
+    assert given[1] == 1e6
