@@ -29,7 +29,8 @@ _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the prese
 _ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
 _WIDE = math.log(4)  # no curve of a larger exponent, or of a smaller one than its inverse, is told from a step
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
-_NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent is looked for
+_NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent is looked for, and up to
+_CLOSE = 5.0  # times that another reading of the law
 _STEPS = 10  # of a fit with each exponent that is tried
 _TRIES = 3  # of exponents, once the best is between two others
 _MOST_ELEMENTS = 16  # of friction
@@ -102,8 +103,8 @@ def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldO
 
 
 def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
-    """A fit with friction that slips back, as by the letter of its switching law, where moments hold most of what is
-    left and that explains them; the same where it does not.
+    """A fit with friction that slips back, as by the letter of its switching law, where that explains a good part of
+    what is left: near the noise floor, or where moments hold most of it. The same where it does not.
 
     When an element slips back hangs on little, and a fit that is bent by moments tells it wrong: it begins where the
     records between them lead.
@@ -111,12 +112,17 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    if "gms" not in now.plant or now.plant["gms"].slips_back or not has_moments(now, left):
+    if "gms" not in now.plant or now.plant["gms"].slips_back or now.score.of != "torque":
         return now, left
-    calm, x = refit_between(now.misfit, now.vector)
-    plant = calm.plant(x)
-    whole = Misfit(plant.replace(plant["gms"].replace(slips_back=1.0)), now.misfit.observations)
-    found = fit_to_end(whole, whole.vector(whole.coordinates.template, skew=calm.skew(x)))
+    if has_moments(now, left):
+        calm, x = refit_between(now.misfit, now.vector)
+        whole = Misfit(calm.plant(x).replace(calm.plant(x)["gms"].replace(slips_back=1.0)), now.misfit.observations)
+        found = fit_to_end(whole, whole.vector(whole.coordinates.template, skew=calm.skew(x)))
+    elif _NEARLY_NOISE < math.sqrt(left.total / floor_of(now)) <= _CLOSE:
+        misfit, x = now.misfit.onto(now.plant.replace(now.plant["gms"].replace(slips_back=1.0)), now.vector)
+        found = fit_to_end(misfit, nudge(misfit, x))
+    else:
+        return now, left
     return _better(now, left, found, LEAST_SHARE)
 
 
