@@ -13,13 +13,14 @@ from .candidates import lean
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .inverse import Observation
-from .judgement import LEAST_SHARE, at_floor, floor_of, least_fall, left_of, takes
+from .judgement import LEAST_SHARE, at_floor, floor_of, least_fall, left_of, takes, takes_of_both
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .moments import has_moments, refit_between
 from .placement import parted
-from .refine import fit_to_end, refine
+from .plant import Plant
+from .refine import CLOSE_TO_FLOOR, fit_to_end, refine
 from .scales import Scales
 from .starts import weakened
 
@@ -29,8 +30,7 @@ _VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the prese
 _ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
 _WIDE = math.log(4)  # no curve of a larger exponent, or of a smaller one than its inverse, is told from a step
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
-_NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent is looked for, and up to
-_CLOSE = 5.0  # times that another reading of the law
+_NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 _STEPS = 10  # of a fit with each exponent that is tried
 _TRIES = 3  # of exponents, once the best is between two others
 _MOST_ELEMENTS = 16  # of friction
@@ -77,7 +77,7 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldOut]:
     """A fit with the exponent of a law's Stribeck curve that leaves the least, near the present one; the same where it
     takes no good part of what is left."""
-    if left.total <= _NEARLY_NOISE**2 * floor_of(now):
+    if at_floor(now, left, _NEARLY_NOISE):
         return now, left
     here, before = math.log(float(np.asarray(now.plant[name].stribeck_exponent))), left_of(now.misfit, now.vector)
     best, known = (now.misfit, now.vector), {here: before}
@@ -116,14 +116,18 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         return now, left
     if has_moments(now, left):
         calm, x = refit_between(now.misfit, now.vector)
-        whole = Misfit(calm.plant(x).replace(calm.plant(x)["gms"].replace(slips_back=1.0)), now.misfit.observations)
+        whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)
         found = fit_to_end(whole, whole.vector(whole.coordinates.template, skew=calm.skew(x)))
-    elif _NEARLY_NOISE < math.sqrt(left.total / floor_of(now)) <= _CLOSE:
-        misfit, x = now.misfit.onto(now.plant.replace(now.plant["gms"].replace(slips_back=1.0)), now.vector)
+    elif at_floor(now, left, CLOSE_TO_FLOOR) and not at_floor(now, left, _NEARLY_NOISE):
+        misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
         found = fit_to_end(misfit, nudge(misfit, x))
     else:
         return now, left
     return _better(now, left, found, LEAST_SHARE)
+
+
+def _slipping_back(plant: Plant) -> Plant:
+    return plant.replace(plant["gms"].replace(slips_back=1.0))
 
 
 def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
@@ -178,8 +182,7 @@ def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> t
     """
     held_out = cross_validated(result.misfit, result.vector)
     floor = min(floor_of(now), floor_of(result))
-    falls = [(left.total, held_out.total), tuple(left_of(r.misfit, r.vector) for r in (now, result))]
-    worth = left.total > now.negligible and all(takes(a, b, floor, share) for a, b in falls)
+    worth = left.total > now.negligible and takes_of_both(now, left, result, held_out, floor, share)
     if worth and p_value(left, held_out) < _SIGNIFICANT:
         return result, held_out
     return now, left

@@ -153,9 +153,9 @@ def least_fall(before: float, floor: float, share: float = LEAST_SHARE) -> float
     return max(share * (before - floor), LEAST_GAIN * before)
 
 
-def at_floor(result: FitResult, held_out: HeldOut) -> bool:
-    """Whether what a fit leaves on held-out blocks is as good as noise."""
-    return bool(held_out.total <= AT_FLOOR**2 * floor_of(result))
+def at_floor(result: FitResult, held_out: HeldOut, times: float = AT_FLOOR) -> bool:
+    """Whether what a fit leaves on held-out blocks is as good as noise, or at most so many times its floor."""
+    return bool(held_out.total <= times**2 * floor_of(result))
 
 
 def is_worth_it(
@@ -199,6 +199,13 @@ def _drives(effect: Effect) -> bool:
     return type(effect).deliver is not Effect.deliver
 
 
+def takes_of_both(
+    now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, floor: float, share: float
+) -> bool:
+    """Whether a share of what is above the floor is gone, on held-out blocks and of what the fits leave."""
+    return all(takes(a, b, floor, share) for a, b in ((before.total, after.total), _left_by(now, result)))
+
+
 def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: HeldOut, share: float) -> bool:
     """Whether an effect takes its share on held-out blocks and of what the fits leave.
 
@@ -207,7 +214,7 @@ def _takes_of_all(now: FitResult, before: HeldOut, result: FitResult, after: Hel
     """
     quiet = at_floor(now, before)
     floor = 0.0 if quiet else min(floor_of(now), floor_of(result))
-    if not all(takes(a, b, floor, share) for a, b in ((before.total, after.total), _left_by(now, result))):
+    if not takes_of_both(now, before, result, after, floor, share):
         return False
     if not quiet:
         return True

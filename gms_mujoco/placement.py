@@ -36,10 +36,10 @@ _MOVES = 4
 _TRIES = 2  # elements that are parted in turn, best first
 _WORTH = 0.02  # of the cost, by which a move is to lower it
 _SPACING = 0.1  # of a grid of break-away distances: each is so much further than the one before
+_FINER = 5  # times finer it is made around those that are found to be of use
+_BEYOND = 2.0  # times nearer than the nearest element, and further than the furthest, it goes
 _AT_ONCE = 64  # elements that one law has
 _PATIENCE = 100  # changes of what is of use, for each distance
-_FINER = 5  # times finer it is made around those that are found to be of use
-_BEYOND = 2.0  # times nearer than the nearest element, and further than the furthest, the grid goes
 
 
 def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfit, Array]:
@@ -65,7 +65,13 @@ def placed_anew(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[
     Arguments as for `placed`, whose moves come first: few elements that are placed beside much that is wrong yet may go
     further astray.
     """
-    return _first_better(misfit, x, _anew(misfit, x), fixed) if _movable(misfit) else None
+    return _first_better(misfit, x, _anew(misfit, x), fixed) if may_be_anew(misfit) else None
+
+
+def may_be_anew(misfit: Misfit) -> bool:
+    """Whether elements can be placed anew. Responses are not asked: few of their points tell one distance from the
+    next."""
+    return _movable(misfit) and all(isinstance(o, Observation) for o in misfit.observations)
 
 
 def _first_better(
@@ -226,12 +232,7 @@ class _Shares:
 
 def _anew(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
     """As many elements where the best shares on a grid of distances are, and the nearest of the present ones for each;
-    nothing where that promises no less.
-
-    Responses are not asked: few of their points tell one distance from the next.
-    """
-    if not all(isinstance(o, Observation) for o in misfit.observations):
-        return
+    nothing where that promises no less."""
     elements = _Shares(misfit, x)
     grid = elements.grid()
     if not len(grid):

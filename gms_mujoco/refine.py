@@ -12,7 +12,7 @@ from .fit_result import FitResult, result_of, with_covariance
 from .inverse import Observation
 from .least_squares import agreed, approach, solve
 from .misfit import Misfit
-from .placement import placed, placed_anew
+from .placement import may_be_anew, placed, placed_anew
 from .servo_observation import ServoObservation
 from .tall import gram, squared
 from .whitened import Whitened, root_of_inverse, whitened
@@ -23,7 +23,7 @@ _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _ACROSS = 3  # steps across jumps
-_CLOSE = 5.0  # times the noise floor: up to there, what stands between a fit and it may be where its elements are
+CLOSE_TO_FLOOR = 5.0  # times it: up to there, what stands between a fit and the noise may be how its elements slip
 _PARTS = (1.0, 0.5, 0.25)  # of such a step that are tried
 
 
@@ -56,7 +56,7 @@ def to_end(misfit: Misfit, x: Array, fixed: Collection[str], max_steps: int, bel
     better, there = placed(misfit, x, fixed)
     if better is not misfit:
         x = _near(better, there, max_steps, below)
-    if _is_close(better, x) and (anew := placed_anew(better, x, fixed)):
+    if may_be_anew(better) and _is_close(better, x) and (anew := placed_anew(better, x, fixed)):
         better, x = anew[0], _near(*anew, max_steps, below)
     return better, agreed(better, x, max_steps // 2)
 
@@ -65,7 +65,7 @@ def _is_close(misfit: Misfit, x: Array) -> bool:
     """Whether a fit is above the noise floor and near it: elements that are placed anew beside much that is wrong yet
     take its place, and go further astray."""
     here = result_of(misfit, x)
-    return not here.is_near_floor and here.error <= _CLOSE * here.floor
+    return not here.is_near_floor and here.error <= CLOSE_TO_FLOOR * here.floor
 
 
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
