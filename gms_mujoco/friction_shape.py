@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize
 
 from .candidates import lean
@@ -23,6 +25,8 @@ from .plant import Plant
 from .refine import CLOSE_TO_FLOOR, fit_to_end, refine
 from .scales import Scales
 from .starts import weakened
+
+Array = NDArray[np.float64]
 
 SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees
 _EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
@@ -107,23 +111,29 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     what is left: near the noise floor, or where moments hold most of it. The same where it does not.
 
     When an element slips back hangs on little, and a fit that is bent by moments tells it wrong: it begins where the
-    records between them lead.
+    records between them lead, and where the fit is near the noise floor from that fit too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     if "gms" not in now.plant or now.plant["gms"].slips_back or now.score.of != "torque":
         return now, left
+    for misfit, x in _letter_starts(now, left):
+        result, held_out = _better(now, left, fit_to_end(misfit, x), LEAST_SHARE)
+        if result is not now:
+            return result, held_out
+    return now, left
+
+
+def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Array]]:
+    """Where fits with friction by the letter may begin, of which each may lead elsewhere."""
+    if at_floor(now, left, CLOSE_TO_FLOOR) and not at_floor(now, left, _NEARLY_NOISE):
+        misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
+        yield misfit, nudge(misfit, x)
     if has_moments(now, left):
         calm, x = refit_between(now.misfit, now.vector)
         whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)
-        found = fit_to_end(whole, whole.vector(whole.coordinates.template, skew=calm.skew(x)))
-    elif at_floor(now, left, CLOSE_TO_FLOOR) and not at_floor(now, left, _NEARLY_NOISE):
-        misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
-        found = fit_to_end(misfit, nudge(misfit, x))
-    else:
-        return now, left
-    return _better(now, left, found, LEAST_SHARE)
+        yield whole, whole.vector(whole.coordinates.template, skew=calm.skew(x))
 
 
 def _slipping_back(plant: Plant) -> Plant:
