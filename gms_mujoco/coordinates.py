@@ -7,7 +7,6 @@ to 1 move as log-ratios to the last share.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -103,15 +102,18 @@ class Coordinates:
         template: fixes which effects there are and how many elements they have.
         fixed: names "effect.parameter" (or "inertia") to leave as they are.
         free_only: leave out what no fit moves unasked.
+        freed: names of what moves all the same.
     """
 
-    def __init__(self, template: Plant, fixed: Collection[str] = (), free_only: bool = True) -> None:
+    def __init__(
+        self, template: Plant, fixed: Collection[str] = (), free_only: bool = True, freed: Collection[str] = ()
+    ) -> None:
         self.template = template
         blocks = [] if template.inertia_known else [_Block("", _INERTIA, 1)]
         for e in template.effects:
             # What comes back in a revolution does so a whole number of times, which no fit moves; a pitch may be any.
             moves = [p.free or not free_only or (template.kind == "slide" and p.unit == WAVES) for p in e.parameters]
-            chosen = itertools.compress(e.parameters, moves)
+            chosen = [p for p, free in zip(e.parameters, moves, strict=True) if free or f"{e.name}.{p.name}" in freed]
             own = [_Block(e.name, p, e.elements if p.per_element else 1) for p in chosen]
             blocks += [b for b in own if not (b.is_velocity and e.values[b.parameter.name] == 0)]
         self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from .candidates import lean
+from .effect import Effect
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -22,21 +20,18 @@ from .misfit import Misfit
 from .moments import has_moments, refit_between
 from .placement import parted
 from .plant import Plant
-from .refine import CLOSE_TO_FLOOR, fit_to_end, refine
+from .refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
 from .scales import Scales
 from .starts import weakened
 
 Array = NDArray[np.float64]
 
 SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees
-_EXPONENTS = (2.0, 0.5, 1.0)  # of Stribeck curves: Gauss's, one with a long tail, and Tustin's
-_VELOCITIES = (None, 0.1, 1.0)  # of it, in units of the rms velocity: the present one, and between those of `starts`
-_ASIDE = math.log(1.2)  # of an exponent: if another is asked for, a good part of its use shows this far to its side
-_WIDE = math.log(4)  # no curve of a larger exponent, or of a smaller one than its inverse, is told from a step
+_VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
+_SEEN = 0.25, 4.0  # exponents: no curve of a larger one, or of a smaller, is told from a step
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
-_STEPS = 10  # of a fit with each exponent that is tried
-_TRIES = 3  # of exponents, once the best is between two others
+_STEPS = 10  # of a fit in which it is free
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
@@ -44,66 +39,39 @@ _PARTED = 0.1  # of the squared error that is not noise, for which friction gets
 
 
 def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
-    """A fit with another exponent of the Stribeck curve, which no fit frees, or from another velocity, between which
-    and the present one a fit may find no way; the same where none takes a good part of what is left.
+    """A fit with another exponent of the Stribeck curve, which else no fit frees; the same where none takes a good part
+    of what is left.
 
-    Exponents beside the present one come first, then the usual ones and those beside them. What friction does at steady
-    speed need not ask for it: the curve is that of every reversal too.
+    It is looked for from the present curve first, then from those of other velocities, between which and that a fit may
+    find no way. What friction does at steady speed need not ask for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    curved = [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]
     usual = Scales.of(now.misfit.observations)["rad/s"]
-    for name in curved:
-        now, left = _between(now, left, name)
-        near = now
-        for exponent, velocity in itertools.product(_EXPONENTS, _VELOCITIES):
-            law = now.plant[name]
-            if at_floor(now, left):
+    for name in [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]:
+        for velocity in _VELOCITIES:
+            if at_floor(now, left, _NEARLY_NOISE):
                 break
-            if exponent == law.stribeck_exponent and velocity is None:
-                continue
-            curve = law.replace(stribeck_exponent=exponent)
-            if velocity is not None:
-                curve = weakened(curve, velocity * usual)
-            misfit, x = now.misfit.onto(now.plant.replace(curve), now.vector)
-            before, floor = left_of(now.misfit, now.vector), floor_of(now)
-            x = nudge(misfit, x, below=now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
-            if not takes(before, left_of(misfit, x), floor):
-                continue
-            now, left = _better(now, left, without_idle(fit_to_end(misfit, x)), LEAST_SHARE)
-        if now is not near:
-            now, left = _between(now, left, name)
+            law = now.plant[name]
+            if bent := _bent(now, law if velocity is None else weakened(law, velocity * usual)):
+                now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
     return now, left
 
 
-def _between(now: FitResult, left: HeldOut, name: str) -> tuple[FitResult, HeldOut]:
-    """A fit with the exponent of a law's Stribeck curve that leaves the least, near the present one; the same where it
-    takes no good part of what is left."""
-    if at_floor(now, left, _NEARLY_NOISE):
-        return now, left
-    here, before = math.log(float(np.asarray(now.plant[name].stribeck_exponent))), left_of(now.misfit, now.vector)
-    best, known = (now.misfit, now.vector), {here: before}
-
-    def cost(exponent: float) -> float:
-        nonlocal best
-        exponent = min(max(exponent, -_WIDE), _WIDE)
-        if exponent not in known:
-            plant = best[0].plant(best[1])
-            curve = plant[name].replace(stribeck_exponent=math.exp(exponent))
-            misfit, x = best[0].onto(plant.replace(curve), best[1])
-            x = nudge(misfit, x, _STEPS)
-            after = left_of(misfit, x)
-            best = (misfit, x) if after < min(known.values()) else best
-            known[exponent] = after
-        return known[exponent]
-
-    side = min((here - _ASIDE, here + _ASIDE), key=cost)
-    if not takes(before, known[side], floor_of(now), LEAST_SHARE / 2):
-        return now, left
-    optimize.minimize_scalar(cost, bracket=(here, side), options={"maxiter": _TRIES})
-    return _better(now, left, without_idle(fit_to_end(*best)), LEAST_SHARE)
+def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
+    """The problem of a fit, and its solution, with the exponent that suits it best from a law of friction on, which
+    then stays; None where that promises too little."""
+    misfit, x = now.misfit.onto(now.plant.replace(law), now.vector, freed=[f"{law.name}.stribeck_exponent"])
+    before, floor = left_of(now.misfit, now.vector), floor_of(now)
+    below = now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x)
+    x = nudge(misfit, x, _STEPS, below)
+    if not takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2):
+        return None
+    x = refined(misfit, x)
+    plant = misfit.plant(x)
+    exponent = float(np.clip(plant[law.name].stribeck_exponent, *_SEEN))
+    return misfit.onto(plant.replace(plant[law.name].replace(stribeck_exponent=exponent)), x)
 
 
 def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
@@ -111,7 +79,7 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     what is left: near the noise floor, or where moments hold most of it. The same where it does not.
 
     When an element slips back hangs on little, and a fit that is bent by moments tells it wrong: it begins where the
-    records between them lead, and where the fit is near the noise floor from that fit too.
+    records between them lead, unless near the noise floor it leads on from that fit.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
@@ -129,7 +97,9 @@ def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Arra
     """Where fits with friction by the letter may begin, of which each may lead elsewhere."""
     if at_floor(now, left, CLOSE_TO_FLOOR) and not at_floor(now, left, _NEARLY_NOISE):
         misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
-        yield misfit, nudge(misfit, x)
+        x = nudge(misfit, x)
+        if takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
+            yield misfit, x
     if has_moments(now, left):
         calm, x = refit_between(now.misfit, now.vector)
         whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)

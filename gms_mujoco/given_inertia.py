@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .judgement import AT_FLOOR, CLOSE, MUCH_LESS, floor_of, leaves_much_less, left_of, without
+from .fit_result import FitResult
+from .judgement import AT_FLOOR, CLOSE, MUCH_LESS, Trial, floor_of, leaves_much_less, left_of, simplest, without
 from .least_squares import nudge
+from .linear_model import cross_validated
 from .paths import best
 from .plant import Plant
 from .progress import silent
-from .refine import refined
+from .refine import fit_to_end, refined
 from .search import Search
 
 _OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
@@ -40,13 +42,23 @@ def is_doubtful(search: Search, other: Search) -> bool:
         misfit, x = without(last, str(step.effect))
         misfit, x = misfit.onto(free(misfit.plant(x)), x)
         x = nudge(misfit, x)
-        if left_of(misfit, x) < _OF_USE * enough and left_of(misfit, refined(misfit, x)) < enough:
+        if left_of(misfit, x) >= _OF_USE * enough or left_of(misfit, x := refined(misfit, x)) >= enough:
+            continue
+        if not search.at_floor or _is_as_good(fit_to_end(misfit, x), search):
             return True
     if search.at_floor:
         return False
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
     return other.within_reach() < floor + MUCH_LESS * max(least - floor, 0.0)
+
+
+def _is_as_good(found: FitResult, search: Search) -> bool:
+    """Whether a fit is not told from that of a search that has ended."""
+    last = search.steps[-1]
+    trials = [Trial("", last.result, last.held_out), Trial("", found, cross_validated(found.misfit, found.vector))]
+    chosen, others = simplest(trials)
+    return 1 in (chosen, *others)
 
 
 def corrected(search: Search, other: Search) -> str:

@@ -19,6 +19,7 @@ from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
 from .inverse import SKEW, Observation
 from .plant import Plant
+from .recent import kept
 from .scales import Scales
 from .servo_observation import ServoObservation
 from .servo_starts import untold
@@ -49,6 +50,7 @@ class Misfit:
         fixed: see `Coordinates`; also what these observations cannot tell from something else.
         memory: whether the states before the records are unknowns; else nothing has ever moved.
         coarse: torques are looked at where band-limited values stand alone, for a first look at a part of the price.
+        freed: see `Coordinates`.
     """
 
     def __init__(
@@ -58,8 +60,9 @@ class Misfit:
         fixed: Collection[str] = (),
         memory: bool = True,
         coarse: bool = False,
+        freed: Collection[str] = (),
     ) -> None:
-        self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)))
+        self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)), freed=freed)
         self.coarse = coarse
         self.set_grids: list[Grid | None] | None = None
         self.slope_grids: list[Grid | None] | None = None
@@ -77,6 +80,7 @@ class Misfit:
     def observe(self, observations: Sequence[Seen]) -> None:
         """Sets what is to be explained; frequency responses that follow each other are worked on together."""
         self.observations = tuple(observations)
+        self._residuals: dict[bytes, Array] = {}
         # Each with the number of its first observation.
         self.pieces: list[tuple[int, Observation | ServoObservation | Together]] = []
         for is_frf, group in groupby(enumerate(self.observations), lambda o: isinstance(o[1], FrfObservation)):
@@ -158,7 +162,7 @@ class Misfit:
 
     def onto(
         self, plant: Plant, x: Array, observations: Sequence[Seen] | None = None, fixed: Collection[str] = (),
-        skew: float | None = None,
+        skew: float | None = None, freed: Collection[str] = (),
     ) -> tuple[Misfit, Array]:  # fmt: skip
         """The problem of another plant, and its vector where everything else is as at `x`.
 
@@ -168,8 +172,9 @@ class Misfit:
             observations: as many as this one's, in their order; its own if None.
             fixed: names "effect.parameter" to leave as they are.
             skew: of its clocks [s]; as at `x` if None.
+            freed: names of what is an unknown, too.
         """
-        out = Misfit(plant, self.observations if observations is None else observations, fixed)
+        out = Misfit(plant, self.observations if observations is None else observations, fixed, freed=freed)
         return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x) if skew is None else skew)
 
     def settle(self, x: Array) -> Array:
@@ -178,8 +183,9 @@ class Misfit:
         """
         x = x.copy()
         plant, skew = self.plant(x), self.skew(x)
-        frfs = iter(settled([o for o in self.observations if isinstance(o, FrfObservation)], plant))
-        self.observe([next(frfs) if isinstance(o, FrfObservation) else o for o in self.observations])
+        if frfs := [o for o in self.observations if isinstance(o, FrfObservation)]:
+            there = iter(settled(frfs, plant))
+            self.observe([next(there) if isinstance(o, FrfObservation) else o for o in self.observations])
 
         def one(i: int) -> None:
             memory = self.memory(x, i)  # a view into x
@@ -190,10 +196,14 @@ class Misfit:
         return x
 
     def residual(self, x: Array) -> Array:
-        """(m,) applied torque minus the torque the plant needs, over all observations [N m].
+        """(m,) applied torque minus the torque the plant needs, over all observations [N m]; not to be written to.
 
         Where the bodies behind couplings are more than the whole axis it is very large: there is no such plant.
         """
+        return kept(self._residuals, x.tobytes(), lambda: self._look(x))
+
+    def _look(self, x: Array) -> Array:
+        """The residual, and at which instants it was taken."""
         plant, skew = self.plant(x), self.skew(x)
         impossible = plant.driven_inertia <= 0
 
@@ -211,13 +221,20 @@ class Misfit:
 
         parts = each(one, range(len(self.pieces)))
         self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
-        return np.concatenate([r for r, _ in parts])
+        out = np.concatenate([r for r, _ in parts])
+        out.flags.writeable = False
+        return out
+
+    def _unseen(self) -> Misfit:
+        """The same problem, not looked at yet."""
+        out = copy(self)
+        out._looked, out._before, out._residuals = (np.empty(0), []), {}, {}
+        return out
 
     def coarsely(self) -> Misfit:
         """The same problem for a first look, see `coarse`."""
-        out = copy(self)
+        out = self._unseen()
         out.coarse = True
-        out._looked, out._before = (np.empty(0), []), {}
         return out
 
     def on_grids(self, x: Array, finer: float) -> Misfit:
@@ -226,11 +243,10 @@ class Misfit:
         Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.
         Its derivatives, which say where to go and not how far, are taken at the usual ones.
         """
-        plant, out = self.plant(x), copy(self)
+        plant, out = self.plant(x), self._unseen()
         out.slope_grids, out.set_grids = (
             [o.grid(plant, self.memory(x, i), error) for i, o in self.pieces] for error in (1.0, finer)
         )
-        out._looked, out._before = (np.empty(0), []), {}
         return out
 
     def cost(self, x: Array) -> float:
@@ -258,7 +274,7 @@ class Misfit:
     def grids(self, x: Array) -> list[Grid | None]:
         """The instants at which the torques of each observation are taken at `x`."""
         if not np.array_equal(self._looked[0], x):
-            self.residual(x)
+            self._look(x)
         return self._looked[1]
 
     def change(self, x: Array, there: Plant, name: str) -> Array:

@@ -247,6 +247,8 @@ class Search:
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
+        if self.at_floor and all(isinstance(o, Observation) for o in self.seen):
+            best = [t for t in best if self._holds_roughly(t)]
         for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + fits.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
@@ -258,6 +260,14 @@ class Search:
         self._settle_for(trials)
         p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
         return trials
+
+    def _holds_roughly(self, rough: Rough) -> bool:
+        """Whether a rough fit leaves less of blocks not seen than the plant without its effect, by more than chance.
+
+        At the noise floor a rough fit is near its end, and noise is most of what unknowns take.
+        """
+        _, misfit, x = rough
+        return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
 
     def _beside_following(self) -> list[Rough]:
         """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
