@@ -79,18 +79,19 @@ class Layout:
         out = self.virgin(1)[0]
         for name, row in zip(self.names, self.joints, strict=True):
             found = native.reading(model._address, data._address, model.joint(name).id)
-            if found is None or [e for e, _, _ in found[1]] != list(self.states[name]):
+            if found is None or [e for e, _, _ in found.states] != list(self.states[name]):
                 raise ModelError(f"joint {name!r} of the data has other friction than the model that was put")
-            torque, parts = found
-            for effect, begin, end in parts:
+            for effect, begin, end in found.states:
                 out[self.states[name][effect]] = data.plugin_state[begin:end]
-            # See kBookkeeping in native/instance.h. Time and position are those of the data, which are rounded.
-            anchor = torque - native.ANCHOR - (row[5] - OWN_STATE)
-            fresh, ahead, velocity, _, _, _, load = data.plugin_state[torque + 1 : torque + 8]
+            # See kTorque in native/instance.h. Time and position are those of the data, which are rounded.
+            anchor = found.torque - native.ANCHOR - (row[5] - OWN_STATE)
+            ahead, velocity = data.plugin_state[found.torque + 1 : found.torque + 3]
+            virgin = np.isinf(velocity)
+            load = 0.0 if found.load is None else data.plugin_state[found.load]
             if not np.isnan(data.plugin_state[anchor]):
                 position, time = data.plugin_state[anchor : anchor + native.ANCHOR]
                 there = np.float32(position)
-                own = (there, np.float32(time), fresh, ahead, velocity, load, 0, position - there)
+                own = (there, np.float32(time), virgin, ahead, 0.0 if virgin else velocity, load, 0, position - there)
                 out[row[4] : row[4] + OWN_STATE] = own
         return out
 

@@ -19,6 +19,7 @@ from .fit import baseline
 from .fit_result import with_covariance
 from .frf_observation import Seen
 from .friction_law import choices, leading_further, much_better, with_law, would_be_better
+from .friction_shape import with_exponents
 from .given_inertia import corrected, free, is_doubtful
 from .held_out import p_value
 from .inverse import Observation
@@ -255,7 +256,8 @@ def diagnose(
     report(0.9, "scoring the validate records")
     kept = search.steps[-1]
     bends = has_moments(kept.result, kept.held_out)
-    last, moments = unbent(kept.result) if bends else (finished(kept.result), "")
+    free_to_bend = with_exponents(kept.result, start)
+    last, moments = unbent(free_to_bend) if bends else (finished(free_to_bend), "")
     search.steps = [replace(s, result=with_covariance(s.result)) for s in search.steps[:-1]]
     search.steps.append(replace(kept, result=last))
     noise = last.noise

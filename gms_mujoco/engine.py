@@ -389,8 +389,7 @@ def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction
     reading = native.reading(model._address, data._address, id)
     if reading is None:
         raise ModelError(f"joint {joint!r} has no friction of gms_mujoco; attach a plant to it")
-    torque, parts = reading
     dof = model.jnt_dofadr[id]
-    states = {name: data.plugin_state[start:stop].copy() for name, start, stop in parts}
-    value = float(data.plugin_state[torque])
+    states = {name: data.plugin_state[start:stop].copy() for name, start, stop in reading.states}
+    value = float(data.plugin_state[reading.torque])
     return Friction(value, value * float(data.qvel[dof]), states)

@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 
 SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
-_SEEN = 0.25, 4.0  # exponents: no curve of a larger one, or of a smaller, is told from a step
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 _STEPS = 10  # of a fit in which it is free
@@ -69,9 +68,19 @@ def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
     if not takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2):
         return None
     x = refined(misfit, x)
-    plant = misfit.plant(x)
-    exponent = float(np.clip(plant[law.name].stribeck_exponent, *_SEEN))
-    return misfit.onto(plant.replace(plant[law.name].replace(stribeck_exponent=exponent)), x)
+    return misfit.onto(misfit.plant(x), x)
+
+
+def with_exponents(found: FitResult, start: Plant) -> FitResult:
+    """The same fit with the exponents that it found, other than those of the start, among the unknowns: so they get an
+    interval, and count in those of the others."""
+    freed = []
+    for e in found.plant.effects:
+        begun = start[e.name].values if e.name in start else {p.name: p.default for p in e.parameters}
+        if e.values.get("stribeck_exponent") != begun.get("stribeck_exponent"):
+            freed.append(f"{e.name}.stribeck_exponent")
+    misfit, x = found.misfit.onto(found.plant, found.vector, freed=freed)
+    return replace(found, misfit=misfit, vector=x) if freed else found
 
 
 def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:

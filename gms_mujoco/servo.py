@@ -183,7 +183,7 @@ class Axes:
         joint = mujoco.mj_name2id(self.models[i], mujoco.mjtObj.mjOBJ_JOINT, self.mechanism.joint)
         found = native.reading(self.models[i]._address, probe._address, joint)
         if found is not None and episode.memory is not None:
-            place, state = found[0], self.batch.bind("plugin_state")[i]
+            place, state = found.torque, self.batch.bind("plugin_state")[i]
             n = len(episode.memory)
             state[place - n + 2 : place] = episode.memory[2:]  # the first two say where and when: here and now
 

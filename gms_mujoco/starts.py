@@ -41,6 +41,7 @@ _STRIBECK_VELOCITIES = (0.03, 0.3, 3.0)  # in units of the rms velocity
 _CREEP_VELOCITIES = (0.03, 0.001)  # the same: from above, for below the slowest motion none is told from another
 _CREEP_TIME = 5e-3  # s, as far from the least as from the longest that MuJoCo's time steps make likely
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
+_BENT = 0.25, 4.0  # exponents of Stribeck curves, beyond which they are steps
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
 LAWS = ("gms", "lugre", "dahl", "stribeck", "frictionloss")  # of friction, that the data start
 
@@ -175,8 +176,9 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     A drive that cuts off most of what it is asked for would leave nothing to explain, least of all with an inertia and
     a friction of nearly zero: at least half of the commands stay below the limit of `torque_saturation`. A fit would
     find no way back from a level that weakens beyond the fastest speed, or, of `gms`, from an element that is too soft,
-    never slips and is a spring, or from a level that is followed faster than the samples come. One resonance is told
-    from another only below half of their rate. Friction that settles over much more than the time of the records would
+    never slips and is a spring, or from a level that is followed faster than the samples come. A curve of a larger
+    exponent than 4, or of a smaller than 1 / 4, is not told from a step. One resonance is told from another only below
+    half of their rate. Friction that settles over much more than the time of the records would
     be another unit of all of it. A value that the plant has already is inside.
     """
     limits: dict[str, tuple[float, float, float]] = {}
@@ -186,6 +188,7 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     for e in plant.effects:
         if e.name in LAWS and "stribeck_velocity" in e.values and not e.unset:
             limits[f"{e.name}.stribeck_velocity"] = _visible_weakening(e, observations)
+            limits[f"{e.name}.stribeck_exponent"] = (*_BENT, float(np.asarray(e.values["stribeck_exponent"])))
     timed = [o.time for o in observations if isinstance(o, Observation)]
     if "thermal_drift" in plant and not plant["thermal_drift"].unset and timed:
         span = max(float(t[-1]) for t in timed) - min(float(t[0]) for t in timed)

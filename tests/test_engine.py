@@ -51,6 +51,32 @@ def test_repeated_forward_changes_nothing(integration):
     assert np.array_equal(data.plugin_state, state) and np.array_equal(data.qacc, force)
 
 
+def test_a_time_step_that_changes_counts_for_every_data_of_the_model():
+    """What a model says of a joint is kept once for all of them, until it says something else."""
+    stiff, command = Plant.axis(J) + gms((80.0, 40.0, 20.0, 10.0)), stick_slip(600)
+    model, data = axis(stiff, timestep=1e-4)
+    others = [mujoco.MjData(model) for _ in range(3)]
+    for d in (data, *others):
+        run(model, d, command[:100])
+    state = np.empty(mujoco.mj_stateSize(model, FULL))
+    mujoco.mj_getState(model, data, state, FULL)
+    model.opt.timestep = 2e-3
+    coarse, alone = axis(stiff, timestep=2e-3)
+    mujoco.mj_setState(coarse, alone, state, FULL)
+    expected = run(coarse, alone, command[100:])
+    assert np.abs(expected[:, 3]).max() < 2 * FS  # no explicit step holds that
+    for d in (data, *others):
+        assert np.array_equal(run(model, d, command[100:]), expected)
+
+
+def test_of_a_step_no_more_is_noted_than_is_read():
+    """A batch copies it in every step."""
+    loaded = BEARING + effects.LoadDependentFriction(coefficient=0.3)
+    size = {i: axis(integration=i)[0].npluginstate for i in ("explicit", "auto", "implicit")}
+    assert size["explicit"] == 2 + 8 + 3 and size["auto"] == size["implicit"] == size["explicit"] + 3
+    assert axis(loaded, "explicit")[0].npluginstate == size["explicit"] + 1
+
+
 @INTEGRATIONS
 def test_save_reload_copy_reset_and_set_state_reproduce_a_trajectory(integration, tmp_path):
     command = stick_slip(2000)

@@ -6,11 +6,11 @@ from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 
 from gms_mujoco import effects
 from gms_mujoco.fit import baseline, fit_as_logged
-from gms_mujoco.friction_shape import by_the_letter, following, other_curve
+from gms_mujoco.friction_shape import by_the_letter, following, other_curve, with_exponents
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
-from gms_mujoco.refine import fit_to_end, refine
+from gms_mujoco.refine import finished, fit_to_end, refine
 from gms_mujoco.screen import Screen
 
 
@@ -44,6 +44,9 @@ def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
     assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.002)
     assert found.plant["gms"].static == pytest.approx(2 * LEVEL, rel=0.02)
     assert found.error < 0.3 * before.error and other_curve(found, left)[0] is found
+    assert with_exponents(before, HEALTHY) is before
+    low, high = finished(with_exponents(found, HEALTHY)).plant.uncertainty["gms.stribeck_exponent"]
+    assert low < exponent < high < 1.1 * low
 
 
 def test_an_exponent_stays_where_a_curve_is_one() -> None:

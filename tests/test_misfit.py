@@ -28,6 +28,24 @@ def problem() -> tuple[Misfit, np.ndarray, np.ndarray]:
     return misfit, x, misfit.jacobian(x)
 
 
+def test_a_residual_is_worked_out_once(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    """Of the same problem; a coarse look at it is another, and nobody writes to what is kept."""
+    misfit, x, _ = problem
+    r = misfit.residual(x)
+    assert misfit.residual(x.copy()) is r and misfit.with_steps(x, 1.0).residual(x) is r
+    assert not np.array_equal(misfit.coarsely().residual(x), r) and not r.flags.writeable
+    assert np.array_equal(Misfit(MANY, misfit.observations).residual(x), r)
+
+
+def test_what_no_fit_frees_may_be_an_unknown(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
+    misfit, x, _ = problem
+    freed, there = misfit.onto(MANY, x, freed=["gms.stribeck_exponent"])
+    assert set(freed.coordinates.labels) - set(misfit.coordinates.labels) == {"gms.stribeck_exponent"}
+    assert np.array_equal(freed.residual(there), misfit.residual(x))
+    column = freed.coordinates.labels.index("gms.stribeck_exponent")
+    assert rms(freed.jacobian(there)[:, column]) > 0
+
+
 def _on_one_grid(misfit: Misfit, x: np.ndarray, at: np.ndarray) -> np.ndarray:
     """The residual at `at`, all effects together, at the instants that `x` asks for."""
     plant, here = (misfit.coordinates.decode(v[: misfit.coordinates.size]) for v in (at, x))

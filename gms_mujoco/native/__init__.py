@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def _load() -> ctypes.CDLL:
         ("gms_series_band", None, (integer, pointer, integer, integer, integer, pointer, pointer)),
         ("gms_engine_symbols", ctypes.POINTER(ctypes.c_char_p), (pointer,)),
         ("gms_engine_init", integer, (pointer, ctypes.c_char_p, integer)),
-        ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 3),
+        ("gms_engine_read", ctypes.c_char_p, (pointer, pointer, integer, integer) + (pointer,) * 4),
         ("gms_engine_strip", integer, (pointer,)),
         ("gms_engine_effect", pointer, (pointer, pointer, integer, integer) + (pointer,) * 4),
     ):
@@ -193,25 +193,36 @@ class Motion:
 INTEGRATION = {"auto": -1, "explicit": 0, "implicit": 1}
 
 
-def reading(model: int, data: int, joint: int) -> tuple[int, list[tuple[str, int, int]]] | None:
-    """Where a joint's friction stands in `plugin_state` of a MuJoCo model.
+class Reading(NamedTuple):
+    """Where a joint's friction stands in `plugin_state`.
+
+    Attributes:
+        torque: place of the torque.
+        states: (effect, begin, end) of each effect with state.
+        load: place of the load; None where its friction does not depend on it.
+    """
+
+    torque: int
+    states: list[tuple[str, int, int]]
+    load: int | None
+
+
+def reading(model: int, data: int, joint: int) -> Reading | None:
+    """Where a joint's friction stands in `plugin_state` of a MuJoCo model; None for a joint without friction.
 
     Args:
         model, data: addresses of the mjModel and the mjData.
         joint: id of a hinge or slide joint.
-
-    Returns:
-        Place of the torque, and (effect, begin, end) of each effect with state; None for a joint without friction.
     """
-    torque, begin, end = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
+    torque, load, begin, end = ctypes.c_int(), ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
     found: list[tuple[str, int, int]] = []
     i = 0
-    places = tuple(map(ctypes.byref, (torque, begin, end)))
+    places = tuple(map(ctypes.byref, (torque, load, begin, end)))
     while name := library.gms_engine_read(model, data, joint, i, *places):
         if end.value > begin.value:
             found.append((name.decode(), begin.value, end.value))
         i += 1
-    return None if torque.value < 0 else (torque.value, found)
+    return None if torque.value < 0 else Reading(torque.value, found, load.value if load.value >= 0 else None)
 
 
 @dataclass(frozen=True)

@@ -22,19 +22,23 @@ inline bool same(double a, double b) {
 
 // Automatic: implicit where an explicit step may be unstable. It is stable where (w h)^2 + 2 h sigma / J < 4; half of
 // that is left for the coupling between joints, and below it the explicit step is the more accurate one.
-GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Unit* x) {
-  g->n_late -= x->late();
-  x->timestep = m->opt.timestep;
-  x->weight = m->dof_invweight0[x->dof];
-  x->slope = x->joint->slope(x->timestep);
-  x->stiffness = x->timestep * x->slope * x->weight;
-  x->implicit = x->integration == 2 || (x->integration == 0 && x->stiffness > kExplicitLimit);
-  g->n_late += x->late();
+GMS_SELDOM void choose_integration(const mjModel* m, Group* g, Instance* instance) {
+  Plan plan = *instance->plan;
+  for (Unit& x : plan.units) {
+    g->n_late -= x.late();
+    x.timestep = m->opt.timestep;
+    x.weight = m->dof_invweight0[x.dof];
+    x.slope = x.joint->slope(x.timestep);
+    x.stiffness = x.timestep * x.slope * x.weight;
+    x.implicit = x.integration == kForcedImplicit || (x.integration == kAuto && x.stiffness > kExplicitLimit);
+    g->n_late += x.late();
+  }
+  instance->plan = in_common(std::move(plan));
 }
 
 // The first sample, as a replay takes it: each effect learns the velocity that it sets out with.
 void set_out(const Unit& x, mjData* d) {
-  double *state = x.state, first[Joint::kMaxState];
+  double *state = x.state(d), first[Joint::kMaxState];
   state[0] = state[1] = std::nan("");
   x.joint->torque(x.now(d), state, first);
   std::copy(first, first + x.n_state, state);
@@ -56,10 +60,10 @@ double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, 
 
 // The torque to begin with where the last advance has not left just this.
 GMS_SELDOM double look(const mjModel* m, mjData* d, const Unit& x) {
-  double *state = x.state, *book = x.book;
+  double *state = x.state(d), *book = x.book(d);
   // Setting a position after a reset, or turning time back, is no motion.
-  if (d->time < state[1]) book[kFresh] = 1;
-  if (book[kFresh] != 0 && !(d->time > state[1])) set_out(x, d);
+  if (d->time < state[1]) book[kAheadVelocity] = kInfinity;
+  if (book[kAheadVelocity] == kInfinity && !(d->time > state[1])) set_out(x, d);
   if (!x.late()) return x.joint->torque(x.now(d), state, nullptr);
   if (d->time > state[1]) return book[kTorque];  // a stage of RK4 keeps the torque of the first
   return torque_of_acceleration(m, d, x, state, book[kTorque]);
@@ -134,41 +138,42 @@ const double* implicit_damping(const mjModel* m) {
 
 // Puts the torque of a late joint over the step into qfrc_passive, in the place of the last one. Adding the difference
 // would be wrong by a rounding error each time.
-inline void finish(Unit* x, mjData* d, double f, double slope) {
-  double* book = x->book;
+inline void finish(const Active& a, mjData* d, double f, double slope) {
+  double* book = a.unit->book(d);
   book[kTorque] = f;
-  book[kNextSlope] = slope;
-  *x->passive = x->sum = x->base + f;
-  x->own += f;
+  a.late->slope = slope;
+  a.unit->passive(d) = a.late->sum = a.late->base + f;
+  a.late->own += f;
 }
 
 // Late joints that are far from stiff, where none is damped: each for itself. What the others do to it is that of the last
 // step, and M is not even solved with: their friction at the end of the last step is their friction at the beginning of
 // this one.
-inline Alone loose(const mjModel* m, const mjData* d, const Unit& x) {
-  const double *state = x.state, *book = x.book, start = book[kAhead];
+inline Alone loose(const mjModel* m, const mjData* d, const Active& a) {
+  const Unit& x = *a.unit;
+  const double *state = x.state(d), *book = x.book(d), start = book[kAhead];
   const double h = m->opt.timestep;
   const Sample now = x.now(d);
   const double still = std::isnan(state[0]) ? 0 : (state[0] - now.position) / h;
-  const double free = now.velocity + h * (book[kFromOthers] + x.weight * (x.own + start));
+  const double free = now.velocity + h * (book[kFromOthers] + x.weight * (a.late->own + start));
   return {now, still, free, h * x.weight, start, x.slope, free};
 }
 
-GMS_APART void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int count) {
+GMS_APART void solve_loose(const mjModel* m, mjData* d, const Active* active, int count) {
   Together t;
   Alone alone[kTogether];
   for (int i = 0, n; i < count; i += n) {
-    const Joint& joint = *units[i]->joint;
+    const Joint& joint = *active[i].unit->joint;
     const int most = std::min(joint.at_once(), count - i);
-    for (n = 0; n < most && units[i + n]->joint->alike(joint); n++) {
-      const Unit& x = *units[i + n];
-      alone[n] = loose(m, d, x);
+    for (n = 0; n < most && active[i + n].unit->joint->alike(joint); n++) {
+      const Unit& x = *active[i + n].unit;
+      alone[n] = loose(m, d, active[i + n]);
       t.joint[n] = x.joint;
-      t.state[n] = x.state;
+      t.state[n] = x.state(d);
       t.motion[n] = alone[n].ahead(t.state[n], m->opt.timestep);
     }
     solve_alone(n, alone, m->opt.timestep, &t);
-    for (int j = 0; j < n; j++) finish(units[i + j], d, t.torque[j], -1);
+    for (int j = 0; j < n; j++) finish(active[i + j], d, t.torque[j], -1);
   }
 }
 
@@ -176,15 +181,15 @@ GMS_APART void solve_loose(const mjModel* m, mjData* d, Unit* const* units, int 
 GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, const double* damping) {
   Implicit::Unit few[kFew], *units = count <= kFew ? few : g->many.data();
   for (int i = 0; i < count; i++) {
-    const Unit& x = *g->active[i];
-    const double* book = x.book;
+    const Unit& x = *g->active[i].unit;
+    const double* book = x.book(d);
     auto& u = units[i];
     u.joint = x.joint;
     u.dof = x.dof;
     u.weight = x.weight;
     u.steepest = x.slope;
     u.now = x.now(d);
-    u.state = x.state;
+    u.state = x.state(d);
     u.torque = book[kAhead];
     u.slope = book[kSlope];
   }
@@ -201,39 +206,41 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   int n = 0;
   bool all_loose = true;
   for (Instance* instance : g->instances) {
-    for (Unit& x : instance->units) {
-      if (!x.late() || x.asleep()) continue;
-      const double* state = x.state;
-      if (d->time > state[1]) continue;  // a stage of RK4 keeps the torque of the first
-      if (*x.passive != x.sum) {  // another has added to it since we wrote: that stays
-        x.base += *x.passive - x.sum;
-        x.sum = *x.passive;
+    Late* late = instance->late.data() - 1;
+    for (const Unit& x : instance->units()) {
+      late++;
+      if (!x.late() || x.asleep(d)) continue;
+      if (d->time > x.state(d)[1]) continue;  // a stage of RK4 keeps the torque of the first
+      const double now = x.passive(d);
+      if (now != late->sum) {  // another has added to it since we wrote: that stays
+        late->base += now - late->sum;
+        late->sum = now;
       }
-      x.own = x.base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof];
-      all_loose &= x.stiffness <= kLoose && x.book[kFromOthers] != kInfinity;
-      g->active[n++] = &x;
+      late->own = late->base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof];
+      all_loose &= x.stiffness <= kLoose && x.book(d)[kFromOthers] != kInfinity;
+      g->active[n++] = {&x, late};
     }
   }
   if (n == 0) return;
 
-  Unit* const* active = g->active.data();
+  const Active* active = g->active.data();
   const double* damping = implicit_damping(m);
   const bool wrenches = any_wrench(m, d);
   all_loose &= !damping;
   if (wrenches || !all_loose) {
     double* tau = g->tau.data();
     for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
-    for (int i = 0; i < n; i++) tau[active[i]->dof] = active[i]->own;
+    for (int i = 0; i < n; i++) tau[active[i].unit->dof] = active[i].late->own;
     if (wrenches) add_wrenches(m, d, tau);
-    for (int i = 0; i < n; i++) active[i]->own = tau[active[i]->dof];
+    for (int i = 0; i < n; i++) active[i].late->own = tau[active[i].unit->dof];
   }
   if (!all_loose) {
     solve_implicit(m, d, g, n, damping);
   } else if (n > 1) {
     solve_loose(m, d, active, n);
   } else {
-    Unit* x = active[0];
-    finish(x, d, loose(m, d, *x).torque(*x->joint, x->state, m->opt.timestep, kLooks), -1);
+    const Unit& x = *active[0].unit;
+    finish(active[0], d, loose(m, d, active[0]).torque(*x.joint, x.state(d), m->opt.timestep, kLooks), -1);
   }
 }
 
@@ -265,69 +272,76 @@ inline bool chosen(const mjModel* m, const Unit& x) {
 
 // Whether the last advance has evaluated just this, as it has as a rule, and nobody has asked for another acceleration.
 inline bool known(const mjData* d, const Unit& x) {
-  return same(d->time, x.state[1]) && same(*x.position, x.state[0]) && same(*x.velocity, x.book[kAheadVelocity]) &&
-         same(x.book[kFresh], 0) && (!x.late() || same(d->qacc[x.dof], x.book[kPastAcceleration]));
+  const double *state = x.state(d), *book = x.book(d);
+  return same(d->time, state[1]) && same(d->qpos[x.place], state[0]) && same(d->qvel[x.dof], book[kAheadVelocity]) &&
+         (!x.late() || same(d->qacc[x.dof], book[kPastAcceleration]));
 }
 
 // Then a late joint begins with the torque that it had.
-inline double known_torque(const Unit& x) { return x.book[x.late() ? kTorque : kAhead]; }
+inline double known_torque(const mjData* d, const Unit& x) { return x.book(d)[x.late() ? kTorque : kAhead]; }
 
-inline void give(Unit* x, double f) {
-  x->book[kTorque] = f;
-  x->base = *x->passive;
-  *x->passive = x->sum = x->base + f;
+inline void give(mjData* d, const Unit& x, Late* late, double f) {
+  x.book(d)[kTorque] = f;
+  double& passive = x.passive(d);
+  if (x.late()) {
+    late->base = passive;
+    late->sum = passive + f;
+  }
+  passive += f;
 }
 
-// From the joint `x` of an instance on.
-GMS_SELDOM void look_from(const mjModel* m, mjData* d, Group* g, Instance* instance, Unit* x) {
-  for (Unit* end = instance->units.data() + instance->units.size(); x < end; x++) {
-    if (!chosen(m, *x)) choose_integration(m, g, x);
-    if (!x->asleep()) give(x, known(d, *x) ? known_torque(*x) : look(m, d, *x));
+// From joint number i of an instance on.
+GMS_SELDOM void look_from(const mjModel* m, mjData* d, Group* g, Instance* instance, size_t i) {
+  for (; i < instance->units().size(); i++) {
+    if (!chosen(m, instance->units()[i])) choose_integration(m, g, instance);
+    const Unit& x = instance->units()[i];
+    if (!x.asleep(d)) give(d, x, &instance->late[i], known(d, x) ? known_torque(d, x) : look(m, d, x));
   }
   take_unless_later(m, d, g, instance);
 }
 
 // The step is over. Notes where the joint is now, and says how it has moved.
-inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x) {
-  double *state = x.state, *book = x.book;
-  if (x.reads_load) {  // what the drive gives, less what friction and the rotor take
+inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x, const Late& late) {
+  double *state = x.state(d), *book = x.book(d);
+  if (x.load >= 0) {  // what the drive gives, less what friction and the rotor take
     const double drive = (m->nactuator > 0 ? d->qfrc_actuator : d->qfrc_applied)[x.dof];
-    book[kLoad] = drive + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
+    book[x.load] = drive + book[kTorque] + d->qfrc_damper[x.dof] - m->dof_armature[x.dof] * d->qacc[x.dof];
   }
-  book[kFresh] = 0;
-  book[kAheadVelocity] = *x.velocity;
+  book[kAheadVelocity] = d->qvel[x.dof];
   if (x.late()) {
     book[kPastAcceleration] = d->qacc[x.dof];
-    book[kSlope] = book[kNextSlope];
-    book[kFromOthers] = d->qacc_smooth[x.dof] - x.weight * x.own;
+    book[kSlope] = late.slope;
+    book[kFromOthers] = d->qacc_smooth[x.dof] - x.weight * late.own;
   }
   return Joint::since(x.now(d), state);
 }
 
 // A joint that sleeps is where it was, whatever the time.
 void sleep(const mjData* d, const Unit& x) {
-  if (!std::isnan(x.state[1])) x.state[1] = d->time;
+  double* state = x.state(d);
+  if (!std::isnan(state[1])) state[1] = d->time;
 }
 
 GMS_APART void advance_all(const mjModel* m, mjData* d, Instance* instance) {
   Together t;
-  const Unit *x = instance->units.data(), *end = x + instance->units.size();
+  const Unit *x = instance->units().data(), *end = x + instance->units().size();
+  const Late* late = instance->late.data();
   while (x < end) {
     const Unit* from[kTogether];
     const Joint& joint = *x->joint;
     int n = 0;
-    for (; x < end && n < joint.at_once() && x->joint->alike(joint); x++) {
-      if (x->asleep()) {
+    for (; x < end && n < joint.at_once() && x->joint->alike(joint); x++, late++) {
+      if (x->asleep(d)) {
         sleep(d, *x);
         continue;
       }
       from[n] = x;
       t.joint[n] = x->joint;
-      t.state[n] = x->state;
-      t.motion[n++] = arrive(m, d, *x);
+      t.state[n] = x->state(d);
+      t.motion[n++] = arrive(m, d, *x, *late);
     }
     if (n > 0) Joint::torques(n, t.joint, t.motion, t.state, t.state, t.torque);
-    for (int j = 0; j < n; j++) from[j]->book[kAhead] = t.torque[j];
+    for (int j = 0; j < n; j++) from[j]->book(d)[kAhead] = t.torque[j];
   }
 }
 
@@ -335,11 +349,13 @@ GMS_APART void advance_all(const mjModel* m, mjData* d, Instance* instance) {
 
 // Short, and without a call but at its end: most steps of most models take no more.
 GMS_APART void compute_passive(const mjModel* m, mjData* d, Group* g, Instance* instance) {
-  for (Unit& x : instance->units) {
-    if (!chosen(m, x)) return look_from(m, d, g, instance, &x);
-    if (x.asleep()) continue;
-    if (!known(d, x)) return look_from(m, d, g, instance, &x);
-    give(&x, known_torque(x));
+  const Unit *first = instance->units().data(), *end = first + instance->units().size();
+  Late* late = instance->late.data();
+  for (const Unit* x = first; x < end; x++, late++) {
+    if (!chosen(m, *x)) return look_from(m, d, g, instance, x - first);
+    if (x->asleep(d)) continue;
+    if (!known(d, *x)) return look_from(m, d, g, instance, x - first);
+    give(d, *x, late, known_torque(d, *x));
   }
   take_unless_later(m, d, g, instance);
 }
@@ -360,10 +376,11 @@ GMS_APART void compute_late(const mjModel* m, mjData* d, Group* g) {
 void compute_at_control(const mjModel* m, mjData* d, Group* g) { compute_unactuated(m, d, g, d->qfrc_bias); }
 
 void advance(const mjModel* m, mjData* d, Instance* instance) {
-  if (instance->units.size() != 1) return advance_all(m, d, instance);
-  const Unit& x = instance->units[0];
-  if (x.asleep()) return sleep(d, x);
-  x.book[kAhead] = x.joint->torque_over(arrive(m, d, x), x.state, x.state);
+  if (instance->units().size() != 1) return advance_all(m, d, instance);
+  const Unit& x = instance->units()[0];
+  if (x.asleep(d)) return sleep(d, x);
+  double* state = x.state(d);
+  x.book(d)[kAhead] = x.joint->torque_over(arrive(m, d, x, instance->late[0]), state, state);
 }
 
 }  // namespace gms

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <map>
+#include <mutex>
 #include <sstream>
+#include <tuple>
 
 namespace gms {
 
@@ -11,7 +13,7 @@ int plugin_slot = -1;
 
 namespace {
 
-constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};
+constexpr const char* kIntegration[] = {"auto", "explicit", "implicit"};  // by kAuto and so on
 
 // Without the blanks around the parts.
 std::vector<std::string> split(const std::string& text, char at) {
@@ -84,7 +86,7 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
   return "";
 }
 
-static std::string read_unit(const mjModel* m, mjData* d, const std::string& name, Unit* out) {
+static std::string read_unit(const mjModel* m, const std::string& name, Unit* out) {
   const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
   if (joint < 0) {
     std::string known;
@@ -98,35 +100,63 @@ static std::string read_unit(const mjModel* m, mjData* d, const std::string& nam
     return "joint '" + name + "' must be a hinge or a slide, not a ball or free joint";
   }
   out->dof = m->jnt_dofadr[joint];
-  out->position = d->qpos + m->jnt_qposadr[joint];
-  out->velocity = d->qvel + out->dof;
-  out->passive = d->qfrc_passive + out->dof;
-  out->awake = d->tree_asleep + m->dof_treeid[out->dof];
+  out->place = m->jnt_qposadr[joint];
+  out->tree = m->dof_treeid[out->dof];
   return "";
 }
 
-std::string read_instance(const mjModel* m, mjData* d, int id, Instance* out) {
+static bool equal(const Unit& a, const Unit& b) {
+  const auto numbers = [](const Unit& x) {
+    return std::make_tuple(x.dof, x.place, x.tree, x.state_start, x.n_state, x.integration, x.load, x.implicit,
+                           x.timestep, x.weight, x.slope, x.stiffness);
+  };
+  return numbers(a) == numbers(b) && a.joint->equal(*b.joint);
+}
+
+std::shared_ptr<const Plan> in_common(Plan plan) {
+  constexpr size_t kLast = 8;
+  static std::mutex mutex;
+  static std::vector<std::weak_ptr<const Plan>> known;
+  const std::lock_guard<std::mutex> lock(mutex);
+  for (const auto& other : known) {
+    const auto found = other.lock();
+    if (found && std::equal(plan.units.begin(), plan.units.end(), found->units.begin(), found->units.end(), equal)) {
+      return found;
+    }
+  }
+  if (known.size() == kLast) known.erase(known.begin());
+  auto made = std::make_shared<const Plan>(std::move(plan));
+  known.push_back(made);
+  return made;
+}
+
+std::string read_instance(const mjModel* m, int id, Instance* out) {
   std::vector<Served> all;
   std::string wrong = read_served(m, id, &all);
   int start = m->plugin_stateadr[id];
+  auto joints = std::make_shared<std::vector<std::unique_ptr<Joint>>>();
+  Plan plan;
   for (Served& x : all) {
-    for (const auto& other : out->joints) x.joint->liken(*other);
+    for (const auto& other : *joints) x.joint->liken(*other);
     Unit unit;
     unit.joint = x.joint.get();
     unit.integration = x.integration;
     unit.n_state = x.joint->n_state();
-    unit.reads_load = x.joint->reads_load();
-    out->joints.push_back(std::move(x.joint));
+    unit.load = x.joint->reads_load() ? x.n_book() : -1;
+    const int numbers = x.n_numbers();
+    joints->push_back(std::move(x.joint));
     for (const std::string& name : x.names) {
-      wrong = read_unit(m, d, name, &unit);
-      if (!wrong.empty()) return wrong;
+      const std::string unknown = read_unit(m, name, &unit);
+      if (wrong.empty()) wrong = unknown;
       unit.state_start = start;
-      unit.state = d->plugin_state + start;
-      unit.book = unit.state + unit.n_state;
-      start += unit.n_state + kBookkeeping;
-      out->units.push_back(unit);
+      unit.book_start = start + unit.n_state;
+      start += numbers;
+      plan.units.push_back(unit);
     }
   }
+  plan.joints = std::move(joints);
+  out->late.resize(plan.units.size());
+  out->plan = in_common(std::move(plan));
   return wrong;
 }
 

@@ -5,6 +5,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
@@ -30,32 +31,51 @@ struct Engine {
 extern Engine engine;
 extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 
-// After the joint's own state, in plugin_state: the torque on the joint now; whether it has not moved since the reset;
-// where the next evaluation starts from: the torque that the last advance found, the velocity it found it at, the
-// acceleration that had led there, and the slope of the law in the last implicit step (below 0: not known); the slope in
-// this step; the load: what the gear transmitted to the link in the last step; its acceleration in that step without
-// contacts and limits, less what its own torque gave (infinite: not known).
-enum { kTorque = 0, kFresh, kAhead, kAheadVelocity, kPastAcceleration, kSlope, kNextSlope, kLoad, kFromOthers, kBookkeeping };
+// After the joint's own state, in plugin_state: the torque on the joint now; where the next evaluation starts from: the
+// torque that the last advance found, and the velocity it found it at (infinite: the joint has not moved since the reset).
+// Unless an explicit step is asked for, the acceleration that had led there, the slope of the law in the last implicit
+// step (below 0: not known), and its acceleration in that step without contacts and limits, less what its own torque gave
+// (infinite: not known). Last, where friction depends on it, the load: what the gear transmitted to the link in the last
+// step. A batch copies all of it in every step, so that nothing stands here that may stand elsewhere.
+enum { kTorque = 0, kAhead, kAheadVelocity, kExplicit, kPastAcceleration = kExplicit, kSlope, kFromOthers, kImplicit };
 
-struct Unit {  // one joint
+// How a joint is integrated.
+enum { kAuto = 0, kForcedExplicit, kForcedImplicit };
+
+struct Unit {  // one joint, as its model has it
   const Joint* joint = nullptr;
-  int dof = -1, state_start = -1, n_state = 0, integration = 0;
-  bool implicit = false, reads_load = false;
+  std::ptrdiff_t dof = -1, place = -1, tree = -1, state_start = -1, book_start = -1;  // place: in qpos
+  std::ptrdiff_t load = -1;  // where in its book the load is; none: below 0
+  int n_state = 0, integration = kAuto;
+  bool implicit = false;
   double timestep = -1, weight = -1, slope = 0, stiffness = 0;  // for which `implicit` was chosen; their product
+
+  bool late() const { return implicit; }
+
+  // Where mjData has what belongs to the joint: the state, and behind it what is noted with it; the torque that passive
+  // forces add up to.
+  double* state(const mjData* d) const { return d->plugin_state + state_start; }
+  double* book(const mjData* d) const { return d->plugin_state + book_start; }
+  double& passive(const mjData* d) const { return d->qfrc_passive[dof]; }
+  bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
+  Sample now(const mjData* d) const {
+    return {d->time, d->qpos[place], d->qvel[dof], load < 0 ? 0 : book(d)[load], 0};
+  }
+};
+
+// What a model says of the joints of an instance. Every mjData that is made of the model, or of one that says the same,
+// has it in common: of a batch of worlds one stays in the cache.
+struct Plan {
+  std::shared_ptr<const std::vector<std::unique_ptr<Joint>>> joints;  // their frictions
+  std::vector<Unit> units;
+};
+
+struct Late {  // a joint of one mjData that waits for the torque of the actuators
   // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
   // put that back, and qfrc_passive stays.
   double base = 0, sum = 0;
-  double own = 0;  // torque on a late joint in this step, friction included
-
-  // Where mjData has what belongs to the joint: its arrays stay in their places as long as it lives. The state, and behind
-  // it what is noted with it; the torque that passive forces add up to.
-  double *state = nullptr, *book = nullptr, *passive = nullptr;
-  const double *position = nullptr, *velocity = nullptr;
-  const int* awake = nullptr;  // below 0: it is
-
-  bool late() const { return implicit; }
-  Sample now(const mjData* d) const { return {d->time, *position, *velocity, book[kLoad], 0}; }
-  bool asleep() const { return *awake >= 0; }
+  double own = 0;     // torque on the joint in this step, friction included
+  double slope = -1;  // of the law in this step; below 0: not known
 };
 
 constexpr int kFew = 32;  // implicit joints that are solved for on the stack, which stays in the cache from world to world
@@ -63,13 +83,23 @@ constexpr int kFew = 32;  // implicit joints that are solved for on the stack, w
 // Joints of an instance that have the same friction.
 struct Served {
   std::vector<std::string> names;
-  int integration = 0;
+  int integration = kAuto;
   std::unique_ptr<Joint> joint = std::make_unique<Joint>();
+
+  int n_book() const { return integration == kForcedExplicit ? kExplicit : kImplicit; }  // without the load
+  int n_numbers() const { return joint->n_state() + n_book() + joint->reads_load(); }    // of each in plugin_state
 };
 
 struct Instance {
-  std::vector<std::unique_ptr<Joint>> joints;  // their frictions
-  std::vector<Unit> units;
+  std::shared_ptr<const Plan> plan;
+  std::vector<Late> late;  // for each joint
+
+  const std::vector<Unit>& units() const { return plan->units; }
+};
+
+struct Active {  // a late joint that is solved for
+  const Unit* unit;
+  Late* late;
 };
 
 // All instances of one mjData, and room to work in. Owned by its instances together.
@@ -80,7 +110,7 @@ struct Group {
   Implicit implicit;
   std::vector<Implicit::Unit> many;  // where the stack has no room
   std::vector<double> tau, actuator, bias, force;
-  std::vector<Unit*> active;
+  std::vector<Active> active;
 };
 
 // The text of a key in the <config> of an instance.
@@ -91,8 +121,11 @@ std::string instance_name(const mjModel* m, int id);
 // The joints that an instance serves, and their friction. Returns what is wrong, or nothing.
 std::string read_served(const mjModel* m, int id, std::vector<Served>* out);
 
-// Reads an instance of `d` from its config. Returns what is wrong, or nothing.
-std::string read_instance(const mjModel* m, mjData* d, int id, Instance* out);
+// Reads an instance from its config. Returns what is wrong, or nothing.
+std::string read_instance(const mjModel* m, int id, Instance* out);
+
+// The plan that says the same, where one of the last few does; else this one.
+std::shared_ptr<const Plan> in_common(Plan plan);
 
 }  // namespace gms
 

@@ -47,6 +47,11 @@ void Joint::liken(const Joint& other) {
   if (std::equal(uses_.begin(), uses_.end(), other.uses_.begin(), other.uses_.end(), same)) kind_ = other.kind_;
 }
 
+bool Joint::equal(const Joint& other) const {
+  const auto same = [](const Use& a, const Use& b) { return a.effect == b.effect && a.n == b.n && a.p == b.p; };
+  return std::equal(uses_.begin(), uses_.end(), other.uses_.begin(), other.uses_.end(), same);
+}
+
 void Joint::torques(int count, const Joint* const* joints, const Motion* motion, const double* const* state,
                     double* const* next, double* total) {
   const Joint& first = *joints[0];

@@ -73,6 +73,9 @@ class Joint {
   bool alike(const Joint& other) const { return kind_ == other.kind_; }
   void liken(const Joint& other);
 
+  // Whether the other has the same friction.
+  bool equal(const Joint& other) const;
+
   // As many as have room in a Together.
   int at_once() const { return at_once_; }
 

@@ -14,7 +14,7 @@ enum { kEffect = 0, kElements, kUseParameter, kUseState, kUseRow };
 
 // State of a joint: where it is anchored, whether it has not moved since the reset, the torque at the anchor with the
 // velocity it was found at, the load; what the joint was given at the last evaluation, by friction and others; how far it
-// is ahead of its anchor as that was rounded; then the state of each effect. See Joint in joint.h and kBookkeeping in instance.h.
+// is ahead of its anchor as that was rounded; then the state of each effect. See Joint in joint.h and kTorque in instance.h.
 enum { kAnchor = 0, kAnchorTime, kVirgin, kTorqueThere, kVelocityThere, kLoad, kGiven, kAhead, kOwnState };
 
 inline double total(const int* uses, int n, const double* p, const Motion& motion, const double* state, double* next) {

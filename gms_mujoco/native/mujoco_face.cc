@@ -62,7 +62,7 @@ int nstate(const mjModel* m, int id) {
     std::vector<gms::Served> all;
     const std::string wrong = gms::read_served(m, id, &all);
     if (!wrong.empty()) report(m, id, wrong, message);
-    for (const gms::Served& x : all) n += (x.joint->n_state() + gms::kBookkeeping) * static_cast<int>(x.names.size());
+    for (const gms::Served& x : all) n += x.n_numbers() * static_cast<int>(x.names.size());
   }
   if (message[0]) engine.mju_error("%s", message);
   return n;
@@ -73,16 +73,16 @@ int init(const mjModel* m, mjData* d, int id) {
   d->plugin_data[id] = 0;
   {
     auto made = std::make_unique<Handle>();
-    std::string wrong = gms::read_instance(m, d, id, &made->instance);
+    std::string wrong = gms::read_instance(m, id, &made->instance);
     made->model = m;
     Handle* first = first_handle(m, d, id);
     made->group = first ? first->group : std::make_shared<Group>();
     Group& g = *made->group;
     std::vector<int> taken;
     for (const Instance* other : g.instances) {
-      for (const Unit& x : other->units) taken.push_back(x.dof);
+      for (const Unit& x : other->units()) taken.push_back(x.dof);
     }
-    for (const Unit& x : made->instance.units) {
+    for (const Unit& x : made->instance.units()) {
       if (wrong.empty() && std::count(taken.begin(), taken.end(), x.dof)) {
         wrong = "joint '" + std::string(m->names + m->name_jntadr[m->dof_jntid[x.dof]]) + "' has friction already";
       }
@@ -90,7 +90,7 @@ int init(const mjModel* m, mjData* d, int id) {
     }
     if (wrong.empty()) {
       g.instances.push_back(&made->instance);
-      for (const Unit& x : made->instance.units) g.n_late += x.late();
+      for (const Unit& x : made->instance.units()) g.n_late += x.late();
       const int n = static_cast<int>(taken.size());
       g.active.resize(n);
       g.implicit.reserve(n, m->nv, m->nC);
@@ -117,24 +117,23 @@ void destroy(mjData* d, int id) {
 
 void copy(mjData* to, const mjModel*, const mjData* from, int id) {
   if (!handle(to, id) || !handle(from, id)) return;
-  const auto& source = handle(from, id)->instance.units;
-  auto& units = handle(to, id)->instance.units;
-  for (size_t i = 0; i < units.size() && i < source.size(); i++) {
-    units[i].base = source[i].base;
-    units[i].sum = source[i].sum;
-    units[i].own = source[i].own;
-  }
+  const auto& source = handle(from, id)->instance.late;
+  auto& late = handle(to, id)->instance.late;
+  std::copy_n(source.begin(), std::min(late.size(), source.size()), late.begin());
 }
 
 void reset(const mjModel* m, mjtNum* state, void* data, int id) {
   std::fill(state, state + m->plugin_statenum[id], 0.0);
-  for (const Unit& x : reinterpret_cast<const Handle*>(data)->instance.units) {
+  Instance& instance = reinterpret_cast<Handle*>(data)->instance;
+  for (const Unit& x : instance.units()) {
     double *own = state + x.state_start - m->plugin_stateadr[id], *book = own + x.n_state;
     own[0] = own[1] = std::nan("");
-    book[gms::kFresh] = 1;
-    book[gms::kSlope] = book[gms::kNextSlope] = -1;
+    book[gms::kAheadVelocity] = gms::kInfinity;
+    if (x.integration == gms::kForcedExplicit) continue;
+    book[gms::kSlope] = -1;
     book[gms::kFromOthers] = gms::kInfinity;
   }
+  for (gms::Late& late : instance.late) late.slope = -1;
 }
 
 // Another model of the same layout may run on this data (mujoco.batch.Batch.set_models): its friction counts.
@@ -143,16 +142,16 @@ GMS_SELDOM void follow(const mjModel* m, mjData* d, int id) {
   {
     Handle* h = handle(d, id);
     Instance &mine = h->instance, other;
-    std::string wrong = gms::read_instance(m, d, id, &other);
+    std::string wrong = gms::read_instance(m, id, &other);
     const auto same = [](const Unit& a, const Unit& b) { return a.n_state == b.n_state; };
-    const auto &now = other.units, &before = mine.units;
+    const auto &now = other.units(), &before = mine.units();
     if (wrong.empty() && !std::equal(now.begin(), now.end(), before.begin(), before.end(), same)) {
       wrong = "the data was made for a model whose friction has another number of joints or elements";
     }
     if (wrong.empty()) {
-      for (const Unit& x : mine.units) h->group->n_late -= x.late();
+      for (const Unit& x : mine.units()) h->group->n_late -= x.late();
       mine = std::move(other);
-      for (const Unit& x : mine.units) h->group->n_late += x.late();
+      for (const Unit& x : mine.units()) h->group->n_late += x.late();
       h->model = m;
     } else {
       report(m, id, wrong, message);
@@ -240,17 +239,19 @@ GMS_API int gms_engine_init(void* const* table, char* error, int size) {
 }
 
 // Effect number i of the friction of a joint: its name, and where its state begins and ends in plugin_state; null
-// past the last. `torque`: where the joint's torque stands, or -1 where the joint has no friction.
-GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint, int i, int* torque, int* begin,
-                                    int* end) {
-  *torque = -1;
+// past the last. `torque`: where the joint's torque stands, or -1 where the joint has no friction. `load`: where its load
+// stands, or -1 where its friction does not depend on it.
+GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint, int i, int* torque, int* load,
+                                    int* begin, int* end) {
+  *torque = *load = -1;
   for (int id = 0; id < m->nplugin; id++) {
     if (m->plugin[id] != gms::plugin_slot) continue;
-    for (const Unit& x : handle(d, id)->instance.units) {
+    for (const Unit& x : handle(d, id)->instance.units()) {
       if (x.dof != m->jnt_dofadr[joint]) continue;
       const auto& uses = x.joint->uses();
       const int n = static_cast<int>(uses.size());
       *torque = x.state_start + x.n_state + gms::kTorque;
+      if (x.load >= 0) *load = x.state_start + x.n_state + x.load;
       if (i >= n) return nullptr;
       *begin = x.state_start + uses[i].state;
       *end = x.state_start + (i + 1 < n ? uses[i + 1].state : x.n_state);
@@ -267,7 +268,7 @@ GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int j
                                         double* stiffness, double* limit) {
   for (int id = 0; id < m->nplugin; id++) {
     if (m->plugin[id] != gms::plugin_slot) continue;
-    for (const Unit& x : handle(d, id)->instance.units) {
+    for (const Unit& x : handle(d, id)->instance.units()) {
       const auto& uses = x.joint->uses();
       if (x.dof != m->jnt_dofadr[joint] || i >= static_cast<int>(uses.size())) continue;
       const double h = m->opt.timestep;
@@ -275,9 +276,9 @@ GMS_API const double* gms_engine_effect(const mjModel* m, const mjData* d, int j
                                  gms::kCatalogue);
       *n = uses[i].n;
       *limit = gms::kExplicitLimit;
-      *stiffness = x.integration == 1   ? -1
-                   : x.integration == 2 ? gms::kInfinity
-                                        : h * m->dof_invweight0[x.dof] * x.joint->slope(h);
+      *stiffness = x.integration == gms::kForcedExplicit   ? -1
+                   : x.integration == gms::kForcedImplicit ? gms::kInfinity
+                                                           : h * m->dof_invweight0[x.dof] * x.joint->slope(h);
       return uses[i].p.data();
     }
   }

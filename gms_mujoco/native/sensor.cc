@@ -44,7 +44,7 @@ std::string read_sensor(const mjModel* m, int id, int i, const std::vector<Insta
   out->dof = m->jnt_dofadr[joint];
   out->out = m->sensor_adr[i];
   for (const Instance& instance : instances) {
-    for (const Unit& x : instance.units) {
+    for (const Unit& x : instance.units()) {
       if (x.dof != out->dof) continue;
       const int states = x.n_state - Joint::kAnchor;
       out->begin = x.state_start + (out->reading == kReadStates ? Joint::kAnchor : x.n_state + kTorque);
@@ -87,7 +87,7 @@ int init(const mjModel* m, mjData* d, int id) {
     for (int i = 0; i < m->nplugin; i++) {
       if (m->plugin[i] != plugin_slot) continue;
       instances.emplace_back();
-      const std::string wrong = read_instance(m, d, i, &instances.back());
+      const std::string wrong = read_instance(m, i, &instances.back());
       if (!wrong.empty()) return wrong;
     }
     auto all = std::make_unique<std::vector<Sensor>>();
