@@ -26,11 +26,11 @@ from .starts import weakened
 
 Array = NDArray[np.float64]
 
-SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees
+SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees unasked
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
-_STEPS = 10  # of a fit in which it is free
+_STEPS = 10  # of a fit in which an exponent is free
 _MOST_ELEMENTS = 16  # of friction
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
@@ -79,8 +79,10 @@ def with_exponents(found: FitResult, start: Plant) -> FitResult:
         begun = start[e.name].values if e.name in start else {p.name: p.default for p in e.parameters}
         if e.values.get("stribeck_exponent") != begun.get("stribeck_exponent"):
             freed.append(f"{e.name}.stribeck_exponent")
+    if not freed:
+        return found
     misfit, x = found.misfit.onto(found.plant, found.vector, freed=freed)
-    return replace(found, misfit=misfit, vector=x) if freed else found
+    return replace(found, misfit=misfit, vector=x)
 
 
 def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:

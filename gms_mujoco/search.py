@@ -247,7 +247,7 @@ class Search:
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
-        if self.at_floor and all(isinstance(o, Observation) for o in self.seen):
+        if self.at_floor and self.only_timed:
             best = [t for t in best if self._holds_roughly(t)]
         for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + fits.simulated)):
             report(0.7 + 0.1 * i, f"refitting with {name}")
@@ -300,7 +300,7 @@ class Search:
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
         """Whether a torque reading that rings explains more than an axis of which a part swings; says so in `hint`."""
         swinging = [t for t in trials if swings(t.result.plant[t.name]) and self.is_worth_it(t.result, t.held_out)]
-        if not swinging or not all(isinstance(o, Observation) for o in self.seen):
+        if not swinging or not self.only_timed:
             return False
         if not self.at_floor and any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
             return False
@@ -508,6 +508,11 @@ class Search:
     def timed(self) -> bool:
         """Whether anything was measured in time, and so at some speed."""
         return any(isinstance(o, Observation) for o in self.seen)
+
+    @property
+    def only_timed(self) -> bool:
+        """Whether everything was."""
+        return all(isinstance(o, Observation) for o in self.seen)
 
     def _settle_for(self, trials: Sequence[Trial]) -> None:
         """Lets the current plant keep what a trial found for it.

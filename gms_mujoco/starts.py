@@ -178,8 +178,8 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
     find no way back from a level that weakens beyond the fastest speed, or, of `gms`, from an element that is too soft,
     never slips and is a spring, or from a level that is followed faster than the samples come. A curve of a larger
     exponent than 4, or of a smaller than 1 / 4, is not told from a step. One resonance is told from another only below
-    half of their rate. Friction that settles over much more than the time of the records would
-    be another unit of all of it. A value that the plant has already is inside.
+    half of their rate. Friction that settles over much more than the time of the records would be another unit of all
+    of it. A value that the plant has already is inside.
     """
     limits: dict[str, tuple[float, float, float]] = {}
     if "torque_saturation" in plant and not plant["torque_saturation"].unset:

@@ -206,9 +206,10 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
   int n = 0;
   bool all_loose = true;
   for (Instance* instance : g->instances) {
-    Late* late = instance->late.data() - 1;
-    for (const Unit& x : instance->units()) {
-      late++;
+    const Unit *first = instance->units().data(), *end = first + instance->units().size();
+    Late* late = instance->late.data();
+    for (const Unit* unit = first; unit < end; unit++, late++) {
+      const Unit& x = *unit;
       if (!x.late() || x.asleep(d)) continue;
       if (d->time > x.state(d)[1]) continue;  // a stage of RK4 keeps the torque of the first
       const double now = x.passive(d);

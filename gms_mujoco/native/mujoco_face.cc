@@ -126,7 +126,8 @@ void reset(const mjModel* m, mjtNum* state, void* data, int id) {
   std::fill(state, state + m->plugin_statenum[id], 0.0);
   Instance& instance = reinterpret_cast<Handle*>(data)->instance;
   for (const Unit& x : instance.units()) {
-    double *own = state + x.state_start - m->plugin_stateadr[id], *book = own + x.n_state;
+    const int begin = m->plugin_stateadr[id];
+    double *own = state + x.state_start - begin, *book = state + x.book_start - begin;
     own[0] = own[1] = std::nan("");
     book[gms::kAheadVelocity] = gms::kInfinity;
     if (x.integration == gms::kForcedExplicit) continue;
@@ -250,8 +251,8 @@ GMS_API const char* gms_engine_read(const mjModel* m, const mjData* d, int joint
       if (x.dof != m->jnt_dofadr[joint]) continue;
       const auto& uses = x.joint->uses();
       const int n = static_cast<int>(uses.size());
-      *torque = x.state_start + x.n_state + gms::kTorque;
-      if (x.load >= 0) *load = x.state_start + x.n_state + x.load;
+      *torque = x.book_start + gms::kTorque;
+      if (x.load >= 0) *load = x.book_start + x.load;
       if (i >= n) return nullptr;
       *begin = x.state_start + uses[i].state;
       *end = x.state_start + (i + 1 < n ? uses[i + 1].state : x.n_state);

@@ -47,7 +47,7 @@ std::string read_sensor(const mjModel* m, int id, int i, const std::vector<Insta
     for (const Unit& x : instance.units()) {
       if (x.dof != out->dof) continue;
       const int states = x.n_state - Joint::kAnchor;
-      out->begin = x.state_start + (out->reading == kReadStates ? Joint::kAnchor : x.n_state + kTorque);
+      out->begin = out->reading == kReadStates ? x.state_start + Joint::kAnchor : x.book_start + kTorque;
       if (out->reading != kReadStates || out->size == states) return "";
       return "the friction of joint '" + name + "' has " + std::to_string(states) + " states, size is " +
              std::to_string(out->size);
