@@ -111,7 +111,7 @@ def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Arra
         x = nudge(misfit, x)
         if takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
             yield misfit, x
-    if has_moments(now, left):
+    if has_moments(now, left, _NEARLY_NOISE):
         calm, x = refit_between(now.misfit, now.vector)
         whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)
         yield whole, whole.vector(whole.coordinates.template, skew=calm.skew(x))
