@@ -32,6 +32,8 @@ _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 _STEPS = 10  # of a fit in which an exponent is free
 _MOST_ELEMENTS = 16  # of friction
+_OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most speeds, and one that falls before them
+_WEAKENS = 1.02  # times the level of sliding: by less friction does not weaken
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
@@ -69,6 +71,21 @@ def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
         return None
     x = refined(misfit, x)
     return misfit.onto(misfit.plant(x), x)
+
+
+def straightened(now: FitResult) -> Plant | None:
+    """The plant of a fit with friction that weakens at slow speed alone, where it does so over most of the speeds that
+    were measured: such a curve does what a drag does; None where it does not."""
+    usual = Scales.of(now.misfit.observations)["rad/s"]
+    for law in now.plant.effects:
+        if "stribeck_velocity" in law.values:
+            static, coulomb, velocity = (
+                float(np.asarray(law.values[k])) for k in ("static", "coulomb", "stribeck_velocity")
+            )
+            if velocity > _OVER_ALL * usual and static > _WEAKENS * coulomb:
+                slow = weakened(law.replace(coulomb=static / _WEAKENS, static=static), _SLOW * usual)
+                return now.plant.replace(slow)
+    return None
 
 
 def with_exponents(found: FitResult, start: Plant) -> FitResult:

@@ -19,7 +19,7 @@ from .effect import Effect
 from .fit import fit_as_logged
 from .fit_result import FitResult
 from .frf_observation import Seen
-from .friction_shape import SHAPE, by_the_letter, following, more_elements, other_curve, without_idle
+from .friction_shape import SHAPE, by_the_letter, following, more_elements, other_curve, straightened, without_idle
 from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -48,12 +48,13 @@ from .judgement import (
     with_curve,
     without,
 )
+from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .plant import Plant
 from .progress import Progress, silent
 from .reading import TorqueReading, as_shown, rung
-from .refine import refine
+from .refine import refine, refined
 from .screen import Candidate, Screen
 from .threads import each
 
@@ -61,6 +62,7 @@ Array = NDArray[np.float64]
 
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
+_DRAG = "quadratic_drag"  # what a curve of friction that bends over all speeds does
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
@@ -206,7 +208,7 @@ class Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
-        rough += fits.limits(current, rough)
+        rough += [*fits.limits(current, rough), *self._beside_straight()]
         trials = self._trials(rough, p_values, report)
         self.hint = ""
         if self._reads_a_ring(trials):
@@ -268,6 +270,18 @@ class Search:
         """
         _, misfit, x = rough
         return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
+
+    def _beside_straight(self) -> list[Rough]:
+        """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
+        stands for a drag, whose tangent shows nothing then."""
+        now = self.steps[-1].result
+        drags = [e for e in self._addable if e.name == _DRAG and e.name not in now.plant]
+        if not drags or not self.timed or (plant := straightened(now)) is None:
+            return []
+        held = [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]
+        misfit, x = now.misfit.onto(plant + drags[0](coefficient=0.0), now.vector, fixed=held)
+        x = refined(misfit, nudge(misfit, x))
+        return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
 
     def _beside_following(self) -> list[Rough]:
         """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""

@@ -17,8 +17,10 @@ from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
+from gms_mujoco.refine import refine
+from gms_mujoco.scales import Scales
 from gms_mujoco.screen import Candidate, Screen
-from gms_mujoco.search import Search
+from gms_mujoco.search import Search, Step
 
 
 def _logged(record: Record, early: float, line: float) -> Record:
@@ -77,6 +79,25 @@ def test_from_the_beginning_an_effect_is_tried_however_little_it_promised() -> N
     found = search._afresh([c for n in names if (c := screen.candidate(effects.find(n)))], silent)
     assert "quadratic_drag" in [name for name, *_ in found]
     assert all(left_of(misfit, x) < left_of(now.misfit, now.vector) for _, misfit, x in found)
+
+
+def test_a_drag_is_tried_beside_another_curve_than_one_that_has_bent_to_stand_for_it() -> None:
+    """Beside a curve that falls at slow speed it leaves less than beside one that falls over all; else nothing is."""
+    law, drag = GMS.replace(static=1.02 * LEVEL), effects.QuadraticDrag(coefficient=0.1 * LEVEL / 20**2)
+    seen = observe(runs(HEALTHY.replace(law) + drag), J)
+    bent = HEALTHY.replace(law.replace(static=3 * LEVEL, stribeck_velocity=Scales.of(seen)["rad/s"]))
+    search = Search(seen, [], HEALTHY)
+    for plant, tried in ((HEALTHY, False), (bent + drag, False), (bent, True)):
+        near = Misfit(plant, seen, fixed=["gms.stribeck_velocity"])
+        now = refine(near, near.vector(plant))
+        search.steps = [Step(None, now)]
+        found = search._beside_straight()
+        assert [name for name, *_ in found] == ["quadratic_drag"] * tried
+        for _, misfit, x in found:
+            assert left_of(misfit, x) < 0.1 * left_of(now.misfit, now.vector)
+            assert misfit.plant(x)["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
+    search.false.add("quadratic_drag")
+    assert not search._beside_straight()
 
 
 def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
