@@ -78,13 +78,11 @@ def straightened(now: FitResult) -> Plant | None:
     were measured: such a curve does what a drag does; None where it does not."""
     usual = Scales.of(now.misfit.observations)["rad/s"]
     for law in now.plant.effects:
-        if "stribeck_velocity" in law.values:
-            static, coulomb, velocity = (
-                float(np.asarray(law.values[k])) for k in ("static", "coulomb", "stribeck_velocity")
-            )
-            if velocity > _OVER_ALL * usual and static > _WEAKENS * coulomb:
-                slow = weakened(law.replace(coulomb=static / _WEAKENS, static=static), _SLOW * usual)
-                return now.plant.replace(slow)
+        if "stribeck_velocity" not in law.values:
+            continue
+        static, coulomb, velocity = (float(np.asarray(x)) for x in (law.static, law.coulomb, law.stribeck_velocity))
+        if velocity > _OVER_ALL * usual and static > _WEAKENS * coulomb:
+            return now.plant.replace(weakened(law.replace(coulomb=static / _WEAKENS), _SLOW * usual))
     return None
 
 

@@ -275,11 +275,11 @@ class Search:
         """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
         stands for a drag, whose tangent shows nothing then."""
         now = self.steps[-1].result
-        drags = [e for e in self._addable if e.name == _DRAG and e.name not in now.plant]
-        if not drags or not self.timed or (plant := straightened(now)) is None:
+        drag = next((e for e in self._addable if e.name == _DRAG), None)
+        if drag is None or not self.timed or (plant := straightened(now)) is None:
             return []
         held = [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]
-        misfit, x = now.misfit.onto(plant + drags[0](coefficient=0.0), now.vector, fixed=held)
+        misfit, x = now.misfit.onto(plant + drag(coefficient=0.0), now.vector, self.fits.few, fixed=held)
         x = refined(misfit, nudge(misfit, x))
         return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
 
