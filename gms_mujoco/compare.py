@@ -279,7 +279,8 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
         noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
     servos = tuple(compare_servo(plant, o, rng) for o in observations if isinstance(o, ServoObservation))
-    judged = tuple(_compare_one(plant, o, m, noise, rng) for o, m in zip(records, memories, strict=True))
+    todo = zip(records, memories, rng.spawn(len(records)), strict=True)
+    judged = tuple(each(lambda t: _compare_one(plant, noise, *t), todo))
     responses = tuple(compare_frf(plant, o, rng) for o in frfs)
     rows: tuple[RecordComparison | FrfComparison | ServoComparison, ...] = (*judged, *responses, *servos)
     measured, score = [r.measured for r in rows], observations[0].score
@@ -321,7 +322,7 @@ def _applied(plant: Plant, o: Observation) -> Array:
 
 
 def _compare_one(
-    plant: Plant, o: Observation, memory: Array | None, noise: Noise, rng: np.random.Generator
+    plant: Plant, noise: Noise, o: Observation, memory: Array | None, rng: np.random.Generator
 ) -> RecordComparison:
     measured = _applied(plant, o)
     needed = o.needed(plant, memory)

@@ -13,9 +13,11 @@ from .inverse import Observation
 from .misfit import Misfit
 from .noise import Noise, floor_residual, noise_of
 from .plant import Plant
+from .recent import kept
 from .score import Score
 from .servo_observation import errors_of
 from .tall import squared
+from .threads import each
 from .time_steps import RESTS, TOLD, steps_of
 from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
@@ -94,9 +96,7 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     applied = [o.applied(plant) for o in observations]
     score = observations[0].score
     error = score.pooled(_told(score, np.split(residual, misfit.splits)), applied)
-    assert plant.inertia is not None
-    noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
-    floor_rows = _floor_rows(misfit, x, residual, noise)
+    noise, floor_rows = kept(misfit.floors, x.tobytes(), lambda: _floor(misfit, x, residual))
     floor = score.pooled(_told(score, floor_rows), applied)
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
@@ -149,13 +149,23 @@ def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
     return [errors_of(r) for r in rows] if score.of == "position" else list(rows)
 
 
+def _floor(misfit: Misfit, x: Array, residual: Array) -> tuple[Noise, list[Array]]:
+    """The noise of the sensors, and what it would leave, see `_floor_rows`."""
+    inertia = misfit.plant(x).inertia
+    assert inertia is not None
+    noise = noise_of(misfit.observations, np.split(residual, misfit.splits), inertia)
+    return noise, _floor_rows(misfit, x, residual, noise)
+
+
 def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list[Array]:
     """Of each observation the residual that noise like this would leave, no louder than what is left."""
-    plant, rng = misfit.plant(x), np.random.default_rng(0)
-    return [
-        floor_residual(o, plant, misfit.memory(x, i), noise, rng, left)
-        for i, (o, left) in enumerate(zip(misfit.observations, np.split(residual, misfit.splits), strict=True))
-    ]
+    plant, left = misfit.plant(x), np.split(residual, misfit.splits)
+    draws = np.random.default_rng(0).spawn(len(left))
+
+    def one(i: int) -> Array:
+        return floor_residual(misfit.observations[i], plant, misfit.memory(x, i), noise, draws[i], left[i])
+
+    return each(one, range(len(left)))
 
 
 def _habit(misfit: Misfit, x: Array) -> str:

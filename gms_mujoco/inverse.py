@@ -468,19 +468,22 @@ class Observation:
         """(substeps * n,) mean torque that the drive of a plant delivered over each part of a sample [N m]."""
         return delivered(plant, self.record, self.substeps)
 
-    def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
+    def replay(
+        self, plant: Plant, memory: Array | None = None, grid: Grid | None = None, finer: float = 1.0
+    ) -> Array:
         """(m,) band-limited torque of the effects along the motion, between the samples too, less what a robot's rigid
         bodies take [N m].
 
         Args:
             memory: state before the first sample, see `native.Joint.replay`.
             grid: the instants to look at; None: those that this plant needs.
+            finer: for so much less of an error than is usual, where it chooses them.
         """
         joint = plant.joint()
         if not joint.n_effects:
             return np.zeros(len(self.index)) - self.rigid
         if grid is None:
-            return self.band(self.seen_by(plant)._mean(joint, memory)[0]) - self.rigid
+            return self.band(self.seen_by(plant)._mean(joint, memory, finer)[0]) - self.rigid
         return self._banded(grid, self._path(plant, grid).torque(joint, memory)) - self.rigid
 
     def elements(

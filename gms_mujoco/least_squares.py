@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .frf_observation import FrfObservation
 from .misfit import ROUNDING, Misfit
 from .tall import gram, squared
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -91,16 +92,18 @@ def _normal(misfit: Misfit, jacobian: Array, r: Array, columns: NDArray[np.intp]
     The rows of an observation know nothing of the states before others, which are most of the unknowns of many.
     """
     common = columns[columns < misfit.n_common]
-    if len(common) == len(columns):
-        part = jacobian.T[columns].T
-        return gram(part, part), gram(part, r)
-    hessian, gradient = np.zeros((misfit.size, misfit.size)), np.zeros(misfit.size)
-    for i, (rows, own_r) in enumerate(zip(np.split(jacobian, misfit.splits), np.split(r, misfit.splits), strict=True)):
+    rows, left = np.split(jacobian, misfit.splits), np.split(r, misfit.splits)
+
+    def one(i: int) -> tuple[NDArray[np.intp], Array, Array]:
         begin, end = misfit.states(i)
         own = np.append(common, columns[(columns >= begin) & (columns < end)])
-        part = rows.T[own].T
-        hessian[np.ix_(own, own)] += gram(part, part)
-        gradient[own] += gram(part, own_r)
+        part = rows[i].T[own].T
+        return own, gram(part, part), gram(part, left[i])
+
+    hessian, gradient = np.zeros((misfit.size, misfit.size)), np.zeros(misfit.size)
+    for own, squares, products in each(one, range(len(left))):
+        hessian[np.ix_(own, own)] += squares
+        gradient[own] += products
     return hessian[np.ix_(columns, columns)], gradient[columns]
 
 

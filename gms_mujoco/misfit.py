@@ -18,6 +18,7 @@ from .first_state import search_state
 from .frf_observation import FrfObservation, Seen, Together, settled
 from .grid import Grid
 from .inverse import SKEW, Observation
+from .noise import Noise
 from .plant import Plant
 from .recent import kept
 from .scales import Scales
@@ -81,6 +82,7 @@ class Misfit:
         """Sets what is to be explained; frequency responses that follow each other are worked on together."""
         self.observations = tuple(observations)
         self._residuals: dict[bytes, Array] = {}
+        self.floors: dict[bytes, tuple[Noise, list[Array]]] = {}  # see `result_of`
         # Each with the number of its first observation.
         self.pieces: list[tuple[int, Observation | ServoObservation | Together]] = []
         for is_frf, group in groupby(enumerate(self.observations), lambda o: isinstance(o[1], FrfObservation)):
@@ -228,7 +230,7 @@ class Misfit:
     def _unseen(self) -> Misfit:
         """The same problem, not looked at yet."""
         out = copy(self)
-        out._looked, out._before, out._residuals = (np.empty(0), []), {}, {}
+        out._looked, out._before, out._residuals, out.floors = (np.empty(0), []), {}, {}, {}
         return out
 
     def coarsely(self) -> Misfit:
@@ -244,9 +246,11 @@ class Misfit:
         Its derivatives, which say where to go and not how far, are taken at the usual ones.
         """
         plant, out = self.plant(x), self._unseen()
-        out.slope_grids, out.set_grids = (
-            [o.grid(plant, self.memory(x, i), error) for i, o in self.pieces] for error in (1.0, finer)
-        )
+
+        def needed(error: float) -> list[Grid | None]:
+            return each(lambda t: t[1].grid(plant, self.memory(x, t[0]), error), self.pieces)
+
+        out.slope_grids, out.set_grids = needed(1.0), needed(finer)
         return out
 
     def cost(self, x: Array) -> float:

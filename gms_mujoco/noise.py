@@ -15,6 +15,7 @@ from .inverse import Observation, count_size, delivered, mean_torque, second_dif
 from .native import Joint, Motion
 from .plant import Plant
 from .record import Record
+from .threads import each
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
 
     def spectra(series: Sequence[Array]) -> list[Array]:
-        return [signal.welch(x, 1 / h, nperseg=segment, average="median", detrend="linear")[1] for x in series]
+        return each(lambda x: signal.welch(x, 1 / h, nperseg=segment, average="median", detrend="linear")[1], series)
 
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
     smooth = [signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
@@ -116,10 +117,7 @@ def refine_noise(
         residuals: (m,) torque residual of each observation [N m].
         inertia: [kg m^2].
     """
-    densities = []
-    for o, r in zip(observations, residuals, strict=True):
-        if not isinstance(o, Observation):
-            continue
+    def typical(o: Observation, r: Array) -> float:
         step = o.stride * o.record.sample_time
         f, _, power = signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
         inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
@@ -129,7 +127,10 @@ def refine_noise(
         twice = (2 * np.sin(np.pi * f[inside] * h) / h) ** 2  # differentiated
         known = (typical_inertia([o.record], inertia) * noise.position * twice) ** 2
         quiet = known < _MOSTLY * density
-        densities.append(float(np.median((density - known)[quiet]) if quiet.any() else np.min(density)))
+        return float(np.median((density - known)[quiet]) if quiet.any() else np.min(density))
+
+    seen = [(o, r) for o, r in zip(observations, residuals, strict=True) if isinstance(o, Observation)]
+    densities = each(lambda t: typical(*t), seen)
     return replace(noise, torque=min(noise.torque, float(np.sqrt(np.median(densities)))) if densities else noise.torque)
 
 
@@ -350,5 +351,4 @@ def _within(strayed: Array, most: float) -> Array:
 
 def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:
     """(m,) part of `floor_residual` that is known: what closer instants between samples would still change [N m]."""
-    fine = observation.grid(plant, memory, finer=_FINER)
-    return observation.replay(plant, memory) - observation.replay(plant, memory, fine)
+    return observation.replay(plant, memory) - observation.replay(plant, memory, finer=_FINER)

@@ -91,8 +91,10 @@ class TimeSteps(Observation):
         known = [m for m in memories if m is not None]
         return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
 
-    def replay(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
-        """As for an `Observation`; the grid has no say."""
+    def replay(
+        self, plant: Plant, memory: Array | None = None, grid: Grid | None = None, finer: float = 1.0
+    ) -> Array:
+        """As for an `Observation`; the grid has no say, nor what error there may be."""
         return super().replay(plant, memory)
 
     def _banded(self, grid: Grid, torque: Array) -> Array:
