@@ -122,7 +122,7 @@ def fit_observations(
 ) -> FitResult:
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
-    return result_of(*_from_the_data(plant, observations, fixed, report, below))
+    return result_of(*from_the_data(plant, observations, fixed, report, below))
 
 
 def fit_as_logged(plant: Plant, observations: Sequence[Seen], report: Progress = silent) -> FitResult:
@@ -133,11 +133,11 @@ def fit_as_logged(plant: Plant, observations: Sequence[Seen], report: Progress =
 def _by_its_habits(
     plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress
 ) -> tuple[Misfit, Array]:
-    misfit, x = _from_the_data(plant, observations, fixed, report)
+    misfit, x = from_the_data(plant, observations, fixed, report)
     for _ in range(_HABITS):
         if not may_be_otherwise(misfit, x) or not (seen := as_logged(result_of(misfit, x), fixed=fixed)):
             break
-        misfit, x = _from_the_data(plant, seen, fixed)
+        misfit, x = from_the_data(plant, seen, fixed)
     return misfit, x
 
 
@@ -152,14 +152,15 @@ def _doubting(misfit: Misfit, x: Array) -> list[Seen] | None:
     return [o for o in seen if not isinstance(o, FrfObservation)] + list(doubted) if doubted else None
 
 
-def _from_the_data(
+def from_the_data(
     plant: Plant,
     observations: Sequence[Seen],
-    fixed: Collection[str],
+    fixed: Collection[str] = (),
     report: Progress = silent,
     below: float = math.inf,
 ) -> tuple[Misfit, Array]:
-    """The fit that the best of several starts leads to, with the points of responses trusted as they deserve."""
+    """The problem and the vector of `fit_observations`: where the best of several starts leads to, with the points of
+    responses trusted as they deserve."""
     if unknown := [e for e in plant.effects if is_open(e)]:
         return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)
@@ -189,7 +190,7 @@ def _begun_without(
         ModelError: the data cannot show one of them.
     """
     bare = replace(plant, effects=tuple(e for e in plant.effects if e not in unknown))
-    misfit, x = _from_the_data(bare, observations, fixed, report)
+    misfit, x = from_the_data(bare, observations, fixed, report)
     for e in unknown:
         report(0.5, f"looking for {e.name}")
         if (started := Screen(misfit, x).started(e)) is None:
@@ -198,7 +199,7 @@ def _begun_without(
         near, there = misfit.onto(joined(misfit.plant(x), started), x, fixed=fixed)
         near, there = to_end(near, nudge(near, there), fixed, 20, below)
         if not result_of(near, there).is_near_floor:
-            afresh, other = _from_the_data(bare, observations, fixed, below=min(below, near.cost(there)))
+            afresh, other = from_the_data(bare, observations, fixed, below=min(below, near.cost(there)))
             near, there = (afresh, other) if afresh.cost(other) < near.cost(there) else (near, there)
         misfit, x = near, there
     return misfit, x

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 from . import effects
 from .effect import Effect
-from .fit import fit_observations
-from .fit_result import FitResult
+from .fit import fit_observations, from_the_data
+from .fit_result import FitResult, result_of
 from .held_out import HeldOut, p_value
 from .judgement import (
     AT_FLOOR,
@@ -89,7 +89,10 @@ class FrictionLaw:
             if law.name in now.plant or law.name in self._taken:
                 continue
             most = _NEAR * now.misfit.cost(now.vector)
-            result = fit_observations(with_law(now.plant, law), search.seen, below=most)
+            misfit, x = from_the_data(with_law(now.plant, law), search.seen, below=most)
+            if misfit.cost(x) > most:
+                continue
+            result = result_of(misfit, x)
             held_out = cross_validated(result.misfit, result.vector)
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)

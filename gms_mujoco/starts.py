@@ -303,8 +303,11 @@ def _maxwell_slip(
     bare = Plant(1.0, tuple(e for e in plant.effects if e.modulates))
     offset = [o.replay(bare) for o in observations]
 
+    def torque(o: Seen, e: Effect) -> Array:
+        return o.replay(bare + e) if bare.effects or not isinstance(o, Observation) else o.replay_alone(e)
+
     def column(e: Effect) -> Array:
-        return np.concatenate([b - o.replay(bare + e) for o, b in zip(observations, offset, strict=True)])
+        return np.concatenate([b - torque(o, e) for o, b in zip(observations, offset, strict=True)])
 
     columns = each(column, units)
     applied = np.concatenate([o.applied(plant) for o in observations])
