@@ -208,7 +208,7 @@ class Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
-        rough += [*fits.limits(current, rough), *self._beside_straight()]
+        rough += [*fits.limits(current, rough), *self._beside_straight(fits.worth_trying(current, rough))]
         trials = self._trials(rough, p_values, report)
         self.hint = ""
         if self._reads_a_ring(trials):
@@ -271,16 +271,16 @@ class Search:
         _, misfit, x = rough
         return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
 
-    def _beside_straight(self) -> list[Rough]:
+    def _beside_straight(self, below: float = math.inf) -> list[Rough]:
         """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
-        stands for a drag, whose tangent shows nothing then."""
+        stands for a drag, whose tangent shows nothing then; see `JointFits.roughly` for `below`."""
         now = self.steps[-1].result
         drag = next((e for e in self._addable if e.name == _DRAG), None)
         if drag is None or not self.timed or (plant := straightened(now)) is None:
             return []
         held = [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]
         misfit, x = now.misfit.onto(plant + drag(coefficient=0.0), now.vector, self.fits.few, fixed=held)
-        x = refined(misfit, nudge(misfit, x))
+        x = refined(misfit, nudge(misfit, x, below=below), below=below)
         return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
 
     def _beside_following(self) -> list[Rough]:
