@@ -43,12 +43,15 @@ def test_an_error_on_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_fit_is_the_same_to_the_last_bit_at_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     records = runs(HEALTHY, seconds=1.5)
-    found = []
+    found, compared = [], []
     for n in ("1", "2", "3"):
         monkeypatch.setenv(threads.VARIABLE, n)
         found.append(gms.fit(UNKNOWN, records))
+        compared.append(gms.compare(found[0].plant, records).to_dict())
+    assert compared[0] == compared[1] == compared[2]
     for other in found[1:]:
         assert other.plant == found[0].plant and other.error == found[0].error
+        assert other.noise == found[0].noise and np.array_equal(other.floor_rows, found[0].floor_rows)
         assert np.array_equal(other.vector, found[0].vector) and other.plant.uncertainty == found[0].plant.uncertainty
 
 
