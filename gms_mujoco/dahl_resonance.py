@@ -27,8 +27,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from . import effects
 from .effect import Effect
@@ -287,7 +287,7 @@ def _nnls(rows: Array, target: Array) -> Array:
     scale[scale == 0] = 1.0
     # Of tall data only their triangle matters.
     q, r = np.linalg.qr(rows / scale)
-    return np.asarray(optimize.nnls(r, q.T @ target)[0] / scale)
+    return np.asarray(scipy.optimize.nnls(r, q.T @ target)[0] / scale)
 
 
 def _reading(

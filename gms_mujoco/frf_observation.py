@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from .frf import FRF, join_sines, usable
 from .harmonics import ORDERS, balance
@@ -210,7 +210,7 @@ def relative_deviation(frf: FRF) -> Array:
     n = len(frf)
     if frf.sigma is not None and np.any(frf.sigma > 0):
         share = frf.sigma / np.abs(frf.response)
-        usual = ndimage.median_filter(share, min(5, n), mode="nearest")
+        usual = scipy.ndimage.median_filter(share, min(5, n), mode="nearest")
         return np.asarray(np.maximum(usual, 0.5 * share))
     return np.full(n, roughness(frf))
 

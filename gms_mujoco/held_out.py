@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft, stats
 
 from .frf_observation import Seen
 from .intervals import block_starts, block_sums
@@ -99,7 +99,7 @@ def p_value(before: HeldOut, after: HeldOut) -> float:
     left = (fallen - slope * predicted) / np.maximum(1 - predicted**2 / power, 1e-9)
     error = float(np.sqrt(np.sum((predicted * left) ** 2))) / power
     freedom = max(power**2 / float(np.sum(predicted**4)) - 1, 0.5)
-    return max(float(stats.t.sf(slope / max(error, 1e-12), freedom)), _LEAST)
+    return max(float(scipy.stats.t.sf(slope / max(error, 1e-12), freedom)), _LEAST)
 
 
 def scatter(before: HeldOut, after: HeldOut, floor: Array) -> float:
@@ -140,9 +140,9 @@ def _lengths(observations: Sequence[Seen], product: Array) -> NDArray[np.intp]:
 
 def correlated(series: Array) -> int:
     """The first lag at which a series (m,) is hardly correlated with itself; m where it always is."""
-    size = fft.next_fast_len(2 * len(series), real=True)
-    power = np.abs(fft.rfft(series, size)) ** 2
-    covariance = fft.irfft(power, size)[: len(series)]
+    size = scipy.fft.next_fast_len(2 * len(series), real=True)
+    power = np.abs(scipy.fft.rfft(series, size)) ** 2
+    covariance = scipy.fft.irfft(power, size)[: len(series)]
     low = np.flatnonzero(covariance < _CORRELATED * covariance[0])
     return int(low[0]) if len(low) else len(series)
 

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize, stats
 
 from . import effects
 from .errors import DataError
@@ -151,7 +151,7 @@ def identify_lugre(
     left = target - rows @ solution
     free = len(left) - len(solution)
     scale = max(float(left @ left) / free, 1.0)
-    half = stats.t.ppf(0.975, free) * np.sqrt(scale * np.diag(np.linalg.inv(rows.T @ rows)))
+    half = scipy.stats.t.ppf(0.975, free) * np.sqrt(scale * np.diag(np.linalg.inv(rows.T @ rows)))
     damping = max(total - curve.viscous, 0.0)
     lugre = effects.find("lugre")(
         stiffness=stiffness, damping=damping, coulomb=curve.coulomb, static=curve.static,
@@ -198,12 +198,12 @@ def fit_sliding(velocity: Array, torque: Array) -> SlidingCurve:
 
     def solve(log_vs: float) -> tuple[Array, float]:
         columns = np.column_stack([np.ones(len(v)), np.exp(-((v / math.exp(log_vs)) ** 2)), v])
-        return optimize.nnls(columns, f)
+        return scipy.optimize.nnls(columns, f)
 
     grid = np.linspace(math.log(v.min()) - 0.5, math.log(v.max()) + 0.5, 60)
     best = grid[int(np.argmin([solve(x)[1] for x in grid]))]
     step = grid[1] - grid[0]
-    found = optimize.minimize_scalar(lambda x: solve(x)[1], bounds=(best - step, best + step), method="bounded")
+    found = scipy.optimize.minimize_scalar(lambda x: solve(x)[1], bounds=(best - step, best + step), method="bounded")
     x, miss = solve(found.x)
     size = float(np.sqrt(np.sum(f**2)))
     if x[0] + x[1] <= 0:

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg, stats
 
 from .frf_observation import Seen
 from .inverse import Observation
@@ -49,7 +49,7 @@ def covariance(misfit: Misfit, x: Array, around: Whitened | None = None) -> tupl
     scores, kept, kept_twice = [], [], []
     for begin, end, power in blocks(misfit.observations, np.split(residual, misfit.splits)):
         own = slopes[begin:end]
-        leverage, axes = linalg.eigh(gram(own, own))
+        leverage, axes = scipy.linalg.eigh(gram(own, own))
         leverage = np.clip(leverage, 0, _LEVERAGE)
         more = (1 - leverage) ** -power
         scores.append(axes @ (more * (axes.T @ gram(own, residual[begin:end]))))
@@ -58,7 +58,7 @@ def covariance(misfit: Misfit, x: Array, around: Whitened | None = None) -> tupl
     freedom = _freedom(root, np.array(kept), np.array(kept_twice))
     spread = root @ np.array(scores).T
     scatter = np.asarray(spread @ spread.T)
-    deviations = np.asarray(stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
+    deviations = np.asarray(scipy.stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
     reach, seen = misfit.reach(x), np.sum(around.jacobian**2, 0)
     unseen = (misfit.prior == 0) & (seen * reach**2 <= ROUNDING**2 * squared(residual))
     scatter[unseen] = scatter[:, unseen] = 0.0

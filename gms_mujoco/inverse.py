@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import interpolate, ndimage, optimize, signal
 
 from . import native
 from .effect import Effect
@@ -185,7 +185,7 @@ class Observation:
     @cached_property
     def _kernel(self) -> Array:
         rate = 1 / self.record.sample_time
-        return signal.firwin(2 * self._half + 1, min(self.bandwidth, 0.49 * rate), fs=rate)
+        return scipy.signal.firwin(2 * self._half + 1, min(self.bandwidth, 0.49 * rate), fs=rate)
 
     @cached_property
     def index(self) -> NDArray[np.intp]:
@@ -233,7 +233,7 @@ class Observation:
         """
         if not still.any():
             return np.ones(len(still))
-        away = ndimage.distance_transform_edt(~self._beside(still))  # [samples]
+        away = scipy.ndimage.distance_transform_edt(~self._beside(still))  # [samples]
         return np.asarray(np.sin(np.pi / 2 * np.minimum(away / (_EASED * self._period), 1.0)) ** 2)
 
     @property
@@ -248,8 +248,8 @@ class Observation:
         step = np.diff(self.record.position)
         turns[1:-1] = step[1:] * step[:-1] < 0
         return np.asarray(
-            ndimage.binary_dilation(still, [0, 1, 1, 1, 1])  # from one before a still interval to one after it
-            | ndimage.binary_dilation(turns, [1, 1, 1])
+            scipy.ndimage.binary_dilation(still, [0, 1, 1, 1, 1])  # from one before a still interval to one after it
+            | scipy.ndimage.binary_dilation(turns, [1, 1, 1])
         )
 
     @cached_property
@@ -263,7 +263,7 @@ class Observation:
         """
         if self._asked is not None:
             return np.asarray(self.band(np.ones(len(self.record))) > _MOSTLY)
-        return np.asarray(~ndimage.maximum_filter1d(self._stuck, 2 * self._period + 1)[self.index])
+        return np.asarray(~scipy.ndimage.maximum_filter1d(self._stuck, 2 * self._period + 1)[self.index])
 
     @property
     def _period(self) -> int:
@@ -278,7 +278,7 @@ class Observation:
     def _held(self, samples: int) -> NDArray[np.bool_]:
         """(n,) where it does so for so many samples around."""
         q, long = self.record.position, samples + 1
-        span = ndimage.maximum_filter1d(q, long) - ndimage.minimum_filter1d(q, long)
+        span = scipy.ndimage.maximum_filter1d(q, long) - scipy.ndimage.minimum_filter1d(q, long)
         return np.asarray(span <= _STUCK * self._count)
 
     @property
@@ -292,7 +292,7 @@ class Observation:
         if self._asked is not None:
             return self
         short = max(round(_REST * self._period), 1)
-        still = ndimage.maximum_filter1d(self._held(short), short + 1)
+        still = scipy.ndimage.maximum_filter1d(self._held(short), short + 1)
         still[-1] = False
         if not still.any():
             return self
@@ -306,7 +306,7 @@ class Observation:
         """
         v, width = self.velocity, 2 * int(_SEEN / (self.bandwidth * self.record.sample_time)) + 1
         least = _SLOW * float(np.sqrt(np.mean(v**2)))
-        forward, backward = (ndimage.minimum_filter1d(side > least, width) for side in (v, -v))
+        forward, backward = (scipy.ndimage.minimum_filter1d(side > least, width) for side in (v, -v))
         return np.asarray((forward | backward)[self.index] & self.determined)
 
     def opening(self, duration: float) -> Observation:
@@ -380,7 +380,7 @@ class Observation:
     @cached_property
     def velocity(self) -> Array:
         """(n,) velocity of the smoothed position [rad/s]."""
-        return np.asarray(interpolate.CubicSpline(self.record.time, self.position)(self.record.time, 1))
+        return np.asarray(scipy.interpolate.CubicSpline(self.record.time, self.position)(self.record.time, 1))
 
     @cached_property
     def _cutoff(self) -> float:
@@ -392,8 +392,8 @@ class Observation:
         segment = min(1024, len(a) // 4)
         if segment < 8 * _BINS:
             return least
-        f, density = signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
-        f, density = f[1:-1], signal.medfilt(density, _BINS)[1:-1]
+        f, density = scipy.signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
+        f, density = f[1:-1], scipy.signal.medfilt(density, _BINS)[1:-1]
         # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
         noise = 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
         high = (f > 0.25 / h) & (density > 0)
@@ -401,7 +401,7 @@ class Observation:
         if high.any():
             shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
             scale = shapes.max(0)
-            variance = float(optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
+            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
         variance = max(variance, (self.record.resolution or 0.0) ** 2 / 12)
         said = np.flatnonzero(density > _CLEAR * variance * noise)
         return max(float(f[said[-1]]) if len(said) else 0.0, least)
@@ -411,11 +411,11 @@ class Observation:
         if edge > _WHOLE:
             return x
         # A ripple in the passband would shorten every stroke, and make springs look stiffer.
-        length, beta = signal.kaiserord(_RIPPLE, 0.8 * edge)
+        length, beta = scipy.signal.kaiserord(_RIPPLE, 0.8 * edge)
         half = min(max(length // 2, 2), len(x) // 4)
         head, tail = 2 * x[0] - x[half:0:-1], 2 * x[-1] - x[-2 : -half - 2 : -1]
-        kernel = signal.firwin(2 * half + 1, edge, window=("kaiser", beta), fs=1.0)
-        return signal.oaconvolve(np.concatenate([head, x, tail]), kernel, "valid")
+        kernel = scipy.signal.firwin(2 * half + 1, edge, window=("kaiser", beta), fs=1.0)
+        return scipy.signal.oaconvolve(np.concatenate([head, x, tail]), kernel, "valid")
 
     @cached_property
     def acceleration(self) -> Array:

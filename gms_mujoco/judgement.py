@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from .candidates import ORDERS, absent, is_possible, is_present
 from .effect import Effect
@@ -105,7 +105,7 @@ def _left_of_ring(name: str, before: FitResult, after: FitResult) -> float:
         return math.inf
     model = LinearModel(before.misfit, before.vector, before.misfit.residual(before.vector))
     ring = misfit.jacobian(after.vector, states)[:, states] * model.determined[:, None]
-    basis = linalg.orth(model.without(ring / np.sqrt((ring**2).sum(0)).clip(1e-300)))
+    basis = scipy.linalg.orth(model.without(ring / np.sqrt((ring**2).sum(0)).clip(1e-300)))
     return squared(model.target - basis @ (basis.T @ model.target)) / before.misfit.delivered(before.vector)
 
 

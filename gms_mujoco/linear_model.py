@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from .folds import folds
 from .frf_observation import Seen
@@ -45,12 +45,12 @@ class LinearModel:
         # In units of its reach a move is a standard normal; the residual's size is its noise.
         self.prior = math.sqrt(float(residual @ residual) / max(int(self.determined.sum()), 1))
         own = gram(self.tangents, self.tangents)
-        self._normal = linalg.cho_factor(own + (self.prior**2 + 1e-300) * np.eye(len(own)))
+        self._normal = scipy.linalg.cho_factor(own + (self.prior**2 + 1e-300) * np.eye(len(own)))
         self.target = self.without(residual[:, None])[:, 0]
 
     def without(self, columns: Array) -> Array:
         """(m + p, k) columns (m, k), and a row for the prior of each unknown, without what the unknowns can do."""
-        move = linalg.cho_solve(self._normal, gram(self.tangents, columns))
+        move = scipy.linalg.cho_solve(self._normal, gram(self.tangents, columns))
         return np.vstack([columns - times(self.tangents, move), -self.prior * move])
 
     def held_out(self, columns: Array | None = None) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage, signal
 
 from .frf_observation import Seen
 from .grid import Grid, Path
@@ -67,10 +67,11 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
 
     def spectra(series: Sequence[Array]) -> list[Array]:
-        return each(lambda x: signal.welch(x, 1 / h, nperseg=segment, average="median", detrend="linear")[1], series)
+        how = {"nperseg": segment, "average": "median", "detrend": "linear"}
+        return each(lambda x: scipy.signal.welch(x, 1 / h, **how)[1], series)
 
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
-    smooth = [signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
+    smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
     density = np.quantile(smooth, _QUIETER, axis=0)[use]
     half = np.pi * f[use] * h
     passed = 1 - np.sin(half) ** 2 / 3 if alike[0].sensed else np.cos(half)  # of the torque, by its mean
@@ -119,7 +120,7 @@ def refine_noise(
     """
     def typical(o: Observation, r: Array) -> float:
         step = o.stride * o.record.sample_time
-        f, _, power = signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
+        f, _, power = scipy.signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
         inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
         # The median of a periodogram's exponential distribution is ln 2 of its mean.
         h = o.record.sample_time
@@ -345,7 +346,7 @@ def keeps_turns(joint: Joint) -> bool:
 def _within(strayed: Array, most: float) -> Array:
     """(n,) what strays further than `most` for long, scaled down to it: the encoder would not have read that."""
     # A running mean that was large may round to less than nothing.
-    usual = np.sqrt(ndimage.uniform_filter1d(strayed**2, _LONG, mode="nearest").clip(0))
+    usual = np.sqrt(scipy.ndimage.uniform_filter1d(strayed**2, _LONG, mode="nearest").clip(0))
     return np.asarray(strayed * np.minimum(most / np.maximum(usual, 1e-300), 1.0))
 
 

@@ -11,16 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal, stats
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 CONFIDENCE = 0.99  # of every band
-Z = float(stats.norm.ppf(0.5 + CONFIDENCE / 2))
+Z = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
 _LAGS = 24  # of the floor's autocorrelation: beyond, band-limited noise has forgotten
 _PRIOR = 30  # samples' worth of belief that a bin's noise is that of all
 
@@ -43,7 +44,7 @@ class NoiseBand:
         found = np.sum([products(f, f, lags) for f in floors], axis=0)
         rho = found / max(float(found[0]), 1e-300)
         sigma = math.sqrt(float(found[0]) / sum(map(len, floors)))
-        return cls(sigma, rho * signal.windows.parzen(2 * len(lags) - 1)[len(lags) - 1 :])
+        return cls(sigma, rho * scipy.signal.windows.parzen(2 * len(lags) - 1)[len(lags) - 1 :])
 
     def means(
         self, groups: Sequence[Index], values: Sequence[Array], floors: Sequence[Array], n: int

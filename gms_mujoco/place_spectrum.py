@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def standing_out(place: Array, values: Array, least: int, most: int, turn: float
     power = np.abs(np.fft.rfft(np.bincount(bins, values, n)))[least : most + 1] ** 2
     # On less than a revolution a line is as wide as that is less.
     width = math.floor(turn / max(float(np.ptp(place)), turn / (most + 1)))
-    tops = power == ndimage.maximum_filter1d(power, 2 * width + 1)
+    tops = power == scipy.ndimage.maximum_filter1d(power, 2 * width + 1)
     peaks = np.flatnonzero(tops & (power > _STANDS_OUT * np.median(power)))
     return [int(k) + least for k in peaks[np.argsort(power[peaks])[::-1][:_MOST]]]
 

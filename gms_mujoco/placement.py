@@ -16,8 +16,8 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from .effect import Effect
 from .inverse import Observation
@@ -206,7 +206,7 @@ class _Shares:
         columns = self._forces(distances, self.nearest(distances))
         size = np.maximum(np.sqrt((columns**2).sum(0)), 1e-300)
         triangle = np.asarray(np.linalg.qr(np.column_stack([columns / size, self._target]), mode="r"))
-        shares, left = optimize.nnls(triangle[:, :-1], triangle[:, -1], maxiter=_PATIENCE * len(distances))
+        shares, left = scipy.optimize.nnls(triangle[:, :-1], triangle[:, -1], maxiter=_PATIENCE * len(distances))
         return shares / size, left**2
 
     def grid(self) -> Array:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from . import timing
 from .errors import DataError
@@ -132,7 +132,7 @@ def filled(record: Record) -> tuple[Record, int]:
         usual = (n + 1) * (w - v) / 2
         leaps = min(abs(b - a), abs(q[last] - q[first - 1])) > pace / _JUMP
         if leaps and usual and _JUMP < (b - a) / usual < 1 / _JUMP:
-            q[first:last] = CubicHermiteSpline([-1, n], [a, b], [-v, w])(np.arange(n))
+            q[first:last] = scipy.interpolate.CubicHermiteSpline([-1, n], [a, b], [-v, w])(np.arange(n))
             held += n
     if not held or held > _OFTEN * len(q):
         return record, 0

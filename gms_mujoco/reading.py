@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 
 from .effect import Effect
 from .held_out import HeldOut
@@ -68,8 +68,8 @@ def as_shown(reading: Effect, left: HeldOut) -> float:
     total = 0.0
     for o, rows in zip(left.observations, np.split(left.rows, ends), strict=True):
         assert isinstance(o, Observation)
-        above, below = signal.bilinear([1.0], [period**2, max(lag, 0.0), 1.0], 1 / o.step)
-        total += squared(signal.lfilter(above, below, rows))
+        above, below = scipy.signal.bilinear([1.0], [period**2, max(lag, 0.0), 1.0], 1 / o.step)
+        total += squared(scipy.signal.lfilter(above, below, rows))
     return total
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import interpolate
 
 from .errors import DataError, listing
 
@@ -122,7 +122,7 @@ class Record:
             return np.repeat(self.torque, parts)
         middle = (np.arange(parts * len(self)) + 0.5) / parts
         samples = np.arange(len(self))
-        return np.asarray(interpolate.CubicSpline(samples, self.torque)(np.minimum(middle, samples[-1])))
+        return np.asarray(scipy.interpolate.CubicSpline(samples, self.torque)(np.minimum(middle, samples[-1])))
 
     def __len__(self) -> int:
         return len(self.time)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 
 from .frf_observation import FrfObservation
 from .inverse import Observation, mean_torque
@@ -53,7 +53,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
     o, r = observations[worst], parts[worst]
     if isinstance(o, FrfObservation):
         return ", ".join([*said, _where(o, r)])
-    f, power = signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
+    f, power = scipy.signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
     first = min(_FEWEST_PERIODS, len(power) - 1)
     peak = int(np.argmax(power[first:])) + first
     line = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())

@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal, stats
 
 from .folds import folds
 from .motion import REGIMES, Swings, break_away_distance
@@ -282,8 +282,8 @@ class Residuals:
         total = np.zeros((3, _BANDS))
         for r in self.records:
             rate = 1 / (r.observation.step)
-            f, left = signal.periodogram(r.residual, rate, "hann")
-            noise = signal.periodogram(r.floor, rate, "hann")[1]
+            f, left = scipy.signal.periodogram(r.residual, rate, "hann")
+            noise = scipy.signal.periodogram(r.floor, rate, "hann")[1]
             group = np.where((f >= low) & (f <= r0.bandwidth), np.searchsorted(edges, f, "right") - 1, -1)
             group = np.minimum(group, _BANDS - 1)
             inside = group >= 0
@@ -296,7 +296,7 @@ class Residuals:
         freedom = np.maximum(2 * count / 1.5, 1.0)  # a Hann window shares power among neighbours
         expected = np.sqrt(noise / count)
         mean = np.sqrt(left / count)
-        band = expected * (np.sqrt(stats.f.ppf(CONFIDENCE, freedom, freedom)) - 1)
+        band = expected * (np.sqrt(scipy.stats.f.ppf(CONFIDENCE, freedom, freedom)) - 1)
         centres = np.sqrt(edges[1:] * edges[:-1])[shown]
         at = int(np.argmax(left))
         return ResidualMap(

@@ -7,9 +7,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
-from scipy.special import ndtr, ndtri
 
 from .coordinates import Coordinates
 from .effect import KINDS
@@ -84,7 +83,7 @@ def sample(
 
 def _cut(z: Array, outside: bool) -> Array:
     """Standard normal numbers as shares of half an interval, in [-1, 1]; or beyond, in [-2, -1] and [1, 2]."""
-    share = ndtri(0.025 + 0.95 * ndtr(z)) / _SIGMAS
+    share = scipy.special.ndtri(0.025 + 0.95 * scipy.special.ndtr(z)) / _SIGMAS
     return np.asarray(share + np.copysign(1.0, share) if outside else share)
 
 
@@ -120,7 +119,7 @@ def _scatter(plant: Plant, coordinates: Coordinates) -> tuple[Array, Array]:
     matrix = np.array(list(plant.covariance.values()), float).reshape(len(order), len(order))[np.ix_(at, at)]
     sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scale = np.where(sigma > 0, sigma, 1.0)
-    value, vector = linalg.eigh(matrix / np.outer(scale, scale))
+    value, vector = scipy.linalg.eigh(matrix / np.outer(scale, scale))
     root = (vector * np.sqrt(np.maximum(value, 0.0))) @ vector.T  # the one root that no sign of a vector changes
     length = np.sqrt((root**2).sum(axis=1, keepdims=True))  # 1 but for rounding: every marginal is standard normal
     sigma = np.where(coordinates.is_linear, sigma, np.minimum(sigma, math.log(_VAGUE) / _SIGMAS))

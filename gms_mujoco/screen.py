@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from .candidates import (
     ORDERS,
@@ -220,7 +220,7 @@ class Screen:
         finest = max(ORDERS, shape["harmonics"])
         others = [t for t in best.tried if t.shape != shape and t.shape["harmonics"] <= finest]
         while True:
-            basis = linalg.orth(np.column_stack([t.free for t in chosen]))
+            basis = scipy.linalg.orth(np.column_stack([t.free for t in chosen]))
             left = self.model.target - basis @ (basis.T @ self.model.target)
             if not others or len(chosen) == _TOGETHER:
                 break

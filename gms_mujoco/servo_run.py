@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 
 from . import columns as named
 from . import formats, timing
@@ -229,7 +229,7 @@ def read_run(
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     time, position, goal, powered = (found[k] for k in _BAM)
-    usual = signal.medfilt(position, _WINDOW)
+    usual = scipy.signal.medfilt(position, _WINDOW)
     usual[[0, 1, -2, -1]] = position[[0, 1, -2, -1]]  # its ends are padded with zeros
     wrong = np.abs(position - usual) > _GLITCH
     glitches = f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken"

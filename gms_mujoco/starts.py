@@ -9,8 +9,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from . import effects
 from .effect import Effect
@@ -324,7 +324,7 @@ def _maxwell_slip(
         beside = [force, -force]
     matrix = np.column_stack([*columns, *beside])
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
-    solution = optimize.nnls(matrix / scale, target)[0] / scale
+    solution = scipy.optimize.nnls(matrix / scale, target)[0] / scale
     n = len(springs)
     if plant.inertia is not None and plant.inertia_known:
         return plant.inertia, float(solution[n]), solution[:n]

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from .misfit import Misfit
 from .tall import gram, squared, times
@@ -63,7 +63,7 @@ def whitened(misfit: Misfit, x: Array) -> Whitened:
         root = root_of_inverse(gram(jacobian, jacobian) + np.diag(prior))
     common = misfit.n_common
     if common < misfit.size:
-        root = root @ linalg.qr(root[:common].T)[0]
+        root = root @ scipy.linalg.qr(root[:common].T)[0]
     slopes = times(jacobian, root)
     if jumps:
         lower, upper = misfit.bounds
@@ -86,5 +86,5 @@ def root_of_inverse(a: Array) -> Array:
     spurious certainty."""
     scale = np.sqrt(np.maximum(np.diag(a), 1e-24 * max(np.diag(a).max(initial=0.0), 1e-200)))
     # Not by divide and conquer, as NumPy does it: that fails on some matrices of less than full rank.
-    value, vector = linalg.eigh(a / np.outer(scale, scale))
+    value, vector = scipy.linalg.eigh(a / np.outer(scale, scale))
     return np.asarray(vector / np.sqrt(np.maximum(value, 1e-14)) / scale[:, None])

@@ -1,6 +1,8 @@
 """Imports point one way, as design.md draws it; optional dependencies live at the edges."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -116,6 +118,13 @@ def test_optional_dependencies_live_at_the_edges() -> None:
         if name not in EDGES:
             for path in paths:
                 assert not _imports(path)[1] & OPTIONAL, f"{path.relative_to(PACKAGE)} needs an optional package"
+
+
+def test_the_package_loads_no_part_of_scipy_before_it_is_used() -> None:
+    """Who only simulates, in many processes, does not wait for it."""
+    told = "import sys, gms_mujoco; print({'scipy.signal', 'scipy.stats', 'scipy.optimize'} & set(sys.modules))"
+    ended = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "set()"
 
 
 def test_no_module_imports_itself_through_others() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.signal import butter, filtfilt
+import scipy
 
 from .base import Array, Controller
 
@@ -30,7 +30,7 @@ class ILC(Controller):
         lead: int = 2,
     ) -> None:
         self.make, self.gain, self.lead = feedback, gain, lead
-        self.filter = butter(2, min(2 * bandwidth * sample_time, 0.99))
+        self.filter = scipy.signal.butter(2, min(2 * bandwidth * sample_time, 0.99))
         self.learned: Array = np.zeros(0)
         self.feedback, self.done = feedback(), list[float]()
 
@@ -47,6 +47,6 @@ class ILC(Controller):
         learned[:m] = self.learned[:m]
         ahead = np.concatenate([done[self.lead :], np.repeat(done[-1:], self.lead)])[: len(done)]
         raw = learned + self.gain * ahead
-        self.learned = filtfilt(*self.filter, raw) if len(raw) > 9 else raw
+        self.learned = scipy.signal.filtfilt(*self.filter, raw) if len(raw) > 9 else raw
         self.feedback, self.done = self.make(), []
         return self

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 
 from ..effect import Effect
 from ..errors import ModelError
@@ -40,7 +40,7 @@ class CurrentLoopLag(Effect):
         step = (time[-1] - time[0]) / (len(time) - 1)
         left = math.exp(-step / lag)
         # tau[k+1] = left tau[k] + (1 - left) u[k], from tau[0] = u[0]
-        torque = signal.lfilter([0.0, 1 - left], [1.0, -left], command, zi=[command[0]])[0]
+        torque = scipy.signal.lfilter([0.0, 1 - left], [1.0, -left], command, zi=[command[0]])[0]
         return command + (torque - command) * -math.expm1(-step / lag) * lag / step
 
     def edit(self, spec: mujoco.MjSpec, joint: str) -> None:
