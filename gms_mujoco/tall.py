@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ROWS = 64
+_ROWS = 64  # at least
 _WORK = 2**18  # products of a matrix with another, and
 _WORK_OF_ONE = 2**13  # with a vector, that OpenBLAS works off on one core
 
@@ -19,7 +19,7 @@ _WORK_OF_ONE = 2**13  # with a vector, that OpenBLAS works off on one core
 def gram(a: Array, b: Array) -> Array:
     """a.T @ b for a (m, p) and b (m, q) or (m,)."""
     out = a[:0].T @ b[:0]
-    rows = max((_WORK if b.ndim > 1 else _WORK_OF_ONE) // max(out.size, 1), _ROWS)
+    rows = _rows(out.size, b)
     for i in range(0, len(a), rows):
         out = out + a[i : i + rows].T @ b[i : i + rows]
     return out
@@ -27,7 +27,13 @@ def gram(a: Array, b: Array) -> Array:
 
 def times(a: Array, b: Array) -> Array:
     """a @ b for a (m, p) and b (p, q) or (p,)."""
-    return np.concatenate([a[i : i + _ROWS] @ b for i in range(0, len(a), _ROWS)])
+    rows = _rows(b.size, b)
+    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
+
+
+def _rows(products: int, b: Array) -> int:
+    """Rows of a slice, each so many products with a matrix or a vector."""
+    return max((_WORK if b.ndim > 1 else _WORK_OF_ONE) // max(products, 1), _ROWS)
 
 
 def squared(r: Array) -> float:
