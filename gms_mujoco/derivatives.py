@@ -76,7 +76,7 @@ class _Around:
 
     def shared_out(self, k: int, wanted: NDArray[np.bool_]) -> list[tuple[str | None, list[int]]]:
         """The columns of piece k, by the effect that they belong to ("": the inertia; None: the skew); in halves where
-        there are fewer pieces than threads."""
+        fewer pieces are left than threads."""
         misfit, (i, o) = self.misfit, self.misfit.pieces[k]
         n, common, (begin, end) = misfit.coordinates.size, misfit.n_common, misfit.states(i)
         own: dict[str | None, list[int]] = {}
@@ -85,7 +85,8 @@ class _Around:
                 own.setdefault(self._owners[column if column < n else n + column - begin], []).append(column)
             elif column < common:
                 own[None] = [column]
-        if len(misfit.pieces) >= at_hand() or isinstance(o, Together):
+        n_threads, n_pieces = at_hand(), len(misfit.pieces)
+        if k < n_pieces - n_pieces % n_threads or isinstance(o, Together):
             return list(own.items())
         return [(name, half) for name, columns in own.items() for half in self._halves(name, columns) if half]
 

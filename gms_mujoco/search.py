@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .candidates import applicable, is_open, joined
+from .candidates import applicable, grows, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import fit_as_logged
@@ -510,7 +510,9 @@ class Search:
 
     def _candidates(self, screen: Screen) -> list[Candidate]:
         """What could be added to the current plant, of which a linear refit shows anything."""
-        return [c for c in each(screen.candidate, self._addable) if c is not None]
+        # Those that take longest first: who begins late is alone at the end.
+        todo = sorted(self._addable, key=lambda e: (not grows(e), not e.modulates))
+        return [c for c in each(screen.candidate, todo) if c is not None]
 
     @property
     def _addable(self) -> list[type[Effect]]:

@@ -123,7 +123,7 @@ def test_optional_dependencies_live_at_the_edges() -> None:
 def test_the_package_loads_no_part_of_scipy_before_it_is_used() -> None:
     """Who only simulates, in many processes, does not wait for it."""
     told = "import sys, gms_mujoco; print({'scipy.signal', 'scipy.stats', 'scipy.optimize'} & set(sys.modules))"
-    ended = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    ended = subprocess.run([sys.executable, "-P", "-c", told], capture_output=True, text=True, check=True)
     assert ended.stdout.strip() == "set()"
 
 
