@@ -16,7 +16,7 @@ from .dataset import Dataset
 from .effect import Effect
 from .errors import DataError
 from .fit import baseline
-from .fit_result import with_covariance
+from .fit_result import FitResult, with_covariance
 from .frf_observation import Seen
 from .friction_law import choices, leading_further, much_better, with_law, would_be_better
 from .friction_shape import with_exponents
@@ -30,6 +30,7 @@ from .paths import searched
 from .plant import Plant
 from .progress import Progress, part, silent
 from .reading import TorqueReading
+from .recheck import drop_last
 from .refine import finished
 from .remainder import describe, loudest
 from .score import Score, relative_error
@@ -254,10 +255,8 @@ def diagnose(
                 break
 
     report(0.9, "scoring the validate records")
+    last, moments = _ended(search, start)
     kept = search.steps[-1]
-    bends = has_moments(kept.result, kept.held_out)
-    free_to_bend = with_exponents(kept.result, start)
-    last, moments = unbent(free_to_bend) if bends else (finished(free_to_bend), "")
     search.steps = [replace(s, result=with_covariance(s.result)) for s in search.steps[:-1]]
     search.steps.append(replace(kept, result=last))
     noise = last.noise
@@ -284,6 +283,18 @@ def diagnose(
         found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")
     return found
+
+
+def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
+    """The last fit at its end, without effects that are none there, and since when the records are off it."""
+    while True:
+        kept = search.steps[-1]
+        free_to_bend = with_exponents(kept.result, start)
+        if has_moments(kept.result, kept.held_out):
+            return unbent(free_to_bend)
+        last = finished(free_to_bend)
+        if not drop_last(search, last):
+            return last, ""
 
 
 def _conclude(

@@ -124,6 +124,21 @@ def drop_false(search: Search) -> bool:
     return dropped
 
 
+def drop_last(search: Search, ended: FitResult) -> bool:
+    """Takes away the last effect where its fit, which has `ended`, leaves no less than the one without it; True where
+    it did.
+
+    Near the end of a fit an instant that a look missed may be all that told them apart.
+    """
+    k = len(search.steps) - 1
+    if k == 0 or ended.error < search.steps[k - 1].result.error:
+        return False
+    _reject(search, k)
+    search.false.add(str(search.steps[k].effect))
+    search.steps.pop()
+    return True
+
+
 def _against(search: Search, k: int) -> tuple[FitResult, HeldOut, float, float]:
     """The last plant without the effect of step k, what that leaves, and p value and scatter of the effect."""
     last, name = search.steps[-1], search.steps[k].effect

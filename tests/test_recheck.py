@@ -15,7 +15,7 @@ from gms_mujoco.judgement import Trial, carries
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.recheck import exchange
+from gms_mujoco.recheck import drop_last, exchange
 from gms_mujoco.record import Record
 from gms_mujoco.search import Search, Step
 
@@ -55,6 +55,20 @@ def test_a_torque_reading_that_rings_is_no_coupling_but_is_told() -> None:
     assert not {e.name for e in d} & {"flexible_coupling", "backlash"}
     said = d.remainder.split("torque reading that rings at ")[1].split(" Hz")[0]
     assert float(said) == pytest.approx(30, rel=0.1)
+
+
+def test_an_effect_that_leaves_no_less_at_the_end_of_its_fit_is_taken_away() -> None:
+    runs = dataset(HEALTHY + HIDDEN["gravity"])
+    search = Search(observe(runs.fit, runs.inertia), [], UNKNOWN)
+    search.first(quiet)
+    before = search.steps[0].result
+    after = fit_observations(before.plant + HIDDEN["gravity"], search.seen)
+    search.steps.append(Step("gravity", after))
+    assert not drop_last(search, after) and len(search.steps) == 2
+    assert drop_last(search, replace(after, error=before.error))
+    assert [s.effect for s in search.steps] == [None] and "gravity" in search.false
+    assert [t.name for t in search.rejected] == ["gravity"]
+    assert not drop_last(search, before), "a plant that nothing was added to stays"
 
 
 def test_two_effects_that_are_refused_alone_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
