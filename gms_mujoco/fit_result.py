@@ -96,7 +96,13 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     applied = [o.applied(plant) for o in observations]
     score = observations[0].score
     error = score.pooled(_told(score, np.split(residual, misfit.splits)), applied)
-    noise, floor_rows = kept(misfit.floors, x.tobytes(), lambda: _floor(misfit, x, residual))
+
+    def floored() -> tuple[Noise, list[Array]]:
+        assert plant.inertia is not None
+        noise = noise_of(observations, np.split(residual, misfit.splits), plant.inertia)
+        return noise, _floor_rows(misfit, x, residual, noise)
+
+    noise, floor_rows = kept(misfit.floors, x.tobytes(), floored)
     floor = score.pooled(_told(score, floor_rows), applied)
     bandwidth = max(float(o.bandwidth) for o in observations)
     provenance = {
@@ -147,14 +153,6 @@ def with_covariance(found: FitResult, around: Whitened | None = None) -> FitResu
 def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
     """The errors that rows of least squares stand for."""
     return [errors_of(r) for r in rows] if score.of == "position" else list(rows)
-
-
-def _floor(misfit: Misfit, x: Array, residual: Array) -> tuple[Noise, list[Array]]:
-    """The noise of the sensors, and what it would leave, see `_floor_rows`."""
-    inertia = misfit.plant(x).inertia
-    assert inertia is not None
-    noise = noise_of(misfit.observations, np.split(residual, misfit.splits), inertia)
-    return noise, _floor_rows(misfit, x, residual, noise)
 
 
 def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list[Array]:

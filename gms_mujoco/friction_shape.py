@@ -17,7 +17,7 @@ from .judgement import LEAST_SHARE, at_floor, floor_of, least_fall, left_of, tak
 from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
-from .moments import has_moments, refit_between
+from .moments import refit_between
 from .placement import parted
 from .plant import Plant
 from .refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
@@ -121,12 +121,14 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 
 def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Array]]:
     """Where fits with friction by the letter may begin, of which each may lead elsewhere."""
-    if at_floor(now, left, CLOSE_TO_FLOOR) and not at_floor(now, left, _NEARLY_NOISE):
+    if at_floor(now, left, _NEARLY_NOISE):
+        return
+    if at_floor(now, left, CLOSE_TO_FLOOR):
         misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
         x = nudge(misfit, x)
         if takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
             yield misfit, x
-    if has_moments(now, left, _NEARLY_NOISE):
+    if len(left.moments(floor_of(now))):
         calm, x = refit_between(now.misfit, now.vector)
         whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)
         yield whole, whole.vector(whole.coordinates.template, skew=calm.skew(x))

@@ -24,10 +24,9 @@ _NAMED = 4  # moments
 _SHORTEST = 8  # blocks that tell more than the state they begin with
 
 
-def has_moments(now: FitResult, left: HeldOut, beyond: float = AT_FLOOR) -> bool:
-    """Whether few blocks hold most of what a fit leaves above the noise, of what it leaves on held-out blocks: where
-    that is more than so many times the noise floor."""
-    return not at_floor(now, left, beyond) and len(left.moments(floor_of(now))) > 0
+def has_moments(now: FitResult, left: HeldOut) -> bool:
+    """Whether few blocks hold most of what a fit leaves above the noise, of what it leaves on held-out blocks."""
+    return not at_floor(now, left) and len(left.moments(floor_of(now))) > 0
 
 
 def between(misfit: Misfit, x: Array) -> list[Observation]:
