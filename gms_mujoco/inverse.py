@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from . import native
 from .effect import Effect
+from .encoder import between_counts, count_size
 from .grid import Grid, Path, Sparse
 from .native import series
 from .plant import Plant
@@ -41,6 +42,7 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
+_STEADY = 0.03  # of the rms torque: what it deviates by over a period of the bandwidth
 _STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves less, and is seen to, rests
 _AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
 _MOSTLY = 0.5  # of what the low-pass sees
@@ -91,23 +93,6 @@ def second_difference(q: Array, h: float) -> Array:
     out = np.zeros_like(q)
     out[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / h**2
     return out
-
-
-def count_size(record: Record) -> float:
-    """Position of one encoder count: declared, or read off as the common step of the positions; 0 if none."""
-    return record.resolution or common_step(record.position)
-
-
-def common_step(position: Array) -> float:
-    """The step that positions (n,) are multiples of; 0 if none."""
-    steps = np.abs(np.diff(np.unique(position)))
-    steps = steps[steps > 1e-12 * max(np.ptp(position), 1e-300)]
-    if not len(steps):
-        return 0.0
-    smallest = float(np.min(steps))
-    smallest = float(steps.sum() / np.round(steps / smallest).sum())  # without what few digits do to one of them
-    off = np.abs(position / smallest - np.round(position / smallest))
-    return smallest if np.mean(off < 0.1) > 0.9 else 0.0
 
 
 @dataclass(frozen=True)
@@ -354,7 +339,7 @@ class Observation:
             return self
 
         def corrected() -> Observation:
-            position = self.record.position
+            position = self._read
             for effect in reversed(sensors):
                 position = effect.correct(self.record.time, position)
             return self.again(position)
@@ -375,7 +360,14 @@ class Observation:
     @cached_property
     def position(self) -> Array:
         """(n,) position with the encoder's quantisation smoothed away [rad]."""
-        return self._smooth(self.record.position)
+        return self._smooth(self._read)
+
+    @cached_property
+    def _read(self) -> Array:
+        torque = self.record.torque - np.mean(self.record.torque)
+        mean, square = (scipy.ndimage.uniform_filter1d(x, self._period) for x in (torque, torque**2))
+        steady = square - mean**2 < (_STEADY * self._torque) ** 2
+        return between_counts(self.record.position, self._count, steady, self._period)
 
     @cached_property
     def velocity(self) -> Array:

@@ -9,9 +9,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from .encoder import count_size
 from .frf_observation import Seen
 from .grid import Grid, Path
-from .inverse import Observation, count_size, delivered, mean_torque, second_difference
+from .inverse import Observation, delivered, mean_torque, second_difference
 from .native import Joint, Motion
 from .plant import Plant
 from .record import Record

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from . import columns, formats, plausible, timing
 from .columns import subtable
+from .encoder import common_step
 from .errors import DataError
-from .inverse import common_step
 from .measured_axis import Axis
 from .record import Record
 

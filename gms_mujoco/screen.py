@@ -33,8 +33,9 @@ from .candidates import (
     with_strengths,
 )
 from .effect import Effect
+from .encoder import count_size
 from .held_out import HeldOut
-from .inverse import Observation, count_size
+from .inverse import Observation
 from .linear_model import LinearModel
 from .misfit import Misfit
 from .place_spectrum import standing_out

@@ -17,7 +17,7 @@ LAYERS = [
     {"harmonics", "frf_units", "place_spectrum"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
-    {"servo_run", "plant", "coordinates", "grid", "sampling"},
+    {"servo_run", "plant", "coordinates", "grid", "sampling", "encoder"},
     {"servo_observation"},
     {"servo_starts", "simulate", "inverse", "sines", "frf_observation", "noise", "scales", "motion", "starts", "engine",
      "tasks", "axis", "dahl_resonance"},

@@ -9,6 +9,7 @@ from scipy import signal
 
 from gms_mujoco.effect import Effect
 from gms_mujoco.effects import AsymmetricFriction, Backlash, Cogging, LoadDependentFriction
+from gms_mujoco.encoder import count_size
 from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
@@ -17,7 +18,6 @@ from gms_mujoco.noise import (
     _within,
     believable,
     choose_bandwidth,
-    count_size,
     estimate_noise,
     floor_residual,
     hidden_residual,
