@@ -16,6 +16,7 @@ from .inverse import Observation
 
 Array = NDArray[np.float64]
 
+_HARDLY = 0.01  # of all that an effect changes, in the blocks together in which it changes least
 BLOCK = 0.5  # s; residuals further apart than this are taken as independent, whatever they look like
 _CORRELATED = 0.1  # autocorrelation that counts as none
 _APART = 3  # times the lag of that, over which sums are taken as independent
@@ -108,7 +109,8 @@ def scatter(before: HeldOut, after: HeldOut, floor: Array) -> float:
     In a block where the added effect changes the prediction by d and e is left, least squares sees it 1 + d e / d^2
     times as large as predicted. Pooled over blocks, each with its weight d^2, the root mean square of d e / d^2 is near
     0 for an effect that is real, also beside others that are not known. One that stands for something else is now too
-    large and now too small, at about its own size, although on the whole it helps.
+    large and now too small, at about its own size, although on the whole it helps. Blocks in which it hardly acts tell
+    what else is left there, and nothing of it.
 
     Args:
         floor: (m,) residual that sensor noise alone leaves, whose share of the scatter is taken off [N m].
@@ -119,9 +121,12 @@ def scatter(before: HeldOut, after: HeldOut, floor: Array) -> float:
     if total <= 0:
         return 0.0
 
+    order = np.argsort(weight)
+    acts = order[np.cumsum(weight[order]) > _HARDLY * total]
+
     def square(rows: Array) -> float:
-        common = block_sums(after.observations, change * rows, BLOCK)
-        return float(np.sum(common**2 / np.maximum(weight, 1e-12 * total))) / total
+        common = block_sums(after.observations, change * rows, BLOCK)[acts]
+        return float(np.sum(common**2 / weight[acts])) / total
 
     return float(np.sqrt(max(square(after.rows) - square(floor), 0.0)))
 

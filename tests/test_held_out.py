@@ -123,6 +123,16 @@ def test_what_is_real_scatters_no_more_than_the_noise_says() -> None:
             assert spread(error + effect, error, floor) < 0.3 * max(loud, 0.3)
 
 
+def test_what_is_left_where_an_effect_hardly_acts_does_not_scatter_it() -> None:
+    """A refit without it moves all else by a little, along with whatever is not explained there."""
+    effect, floor = acting("one record"), 0.01 * rough(ROWS * RECORDS, 2)
+    elsewhere = effect == 0
+    error = np.where(elsewhere, rough(ROWS * RECORDS, 2), floor)
+    slight = 0.01 * elsewhere * error
+    assert elsewhere.any()
+    assert spread(error + effect + slight, error, floor) < 0.1
+
+
 def test_what_stands_for_something_else_scatters_by_its_own_size() -> None:
     """Twice as strong in some blocks as in others: a mean strength fits, and the noise does not say why."""
     effect, floor = acting("everywhere"), 0.01 * rough(ROWS * RECORDS, 2)
