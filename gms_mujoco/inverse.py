@@ -364,6 +364,7 @@ class Observation:
 
     @cached_property
     def _read(self) -> Array:
+        """(n,) position that the readings of the encoder stand for [rad]."""
         torque = self.record.torque - np.mean(self.record.torque)
         mean, square = (scipy.ndimage.uniform_filter1d(x, self._period) for x in (torque, torque**2))
         steady = square - mean**2 < (_STEADY * self._torque) ** 2
