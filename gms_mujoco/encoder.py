@@ -43,16 +43,16 @@ def between_counts(position: Array, count: float, steady: NDArray[np.bool_], per
         steady: (n,) where the torque is; elsewhere the joint may swing within a count, of which readings show a part.
         period: samples between two changes, above which it does not hover.
     """
-    moves = np.diff(position) != 0
-    changes = np.flatnonzero(moves)
+    steps = np.diff(position)
+    changes = np.flatnonzero(steps)
     if not count or len(changes) < 2:
         return position
-    step, edge = np.diff(position)[changes], (position[changes] + position[changes + 1]) / 2
+    step, edge = steps[changes], (position[changes] + position[changes + 1]) / 2
     one = np.abs(np.abs(step) / count - 1) < _WHOLE
     onward, turns = (one[1:] & one[:-1] & (way * step[1:] * step[:-1] > 0) for way in (1, -1))
     beside = np.concatenate([[False], turns, [False]])
     hovers = turns & (beside[:-2] | beside[2:]) & (np.diff(changes) <= period)
-    run = np.concatenate([[0], np.cumsum(moves)])  # of equal readings, the first before any change
+    run = np.concatenate([[0], np.cumsum(steps != 0)])  # of equal readings, the first before any change
     straight = np.concatenate([[False], onward | hovers, [False]]) & (np.bincount(run, ~steady) == 0)
     inside = np.flatnonzero(straight[run])
     k = run[inside] - 1  # the change that it begins with

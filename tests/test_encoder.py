@@ -2,18 +2,24 @@
 
 import numpy as np
 import pytest
-from bench import HEALTHY, J, rms, run
+from bench import HEALTHY, SAMPLE_TIME, J, rms, run
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gms_mujoco import inverse
 from gms_mujoco.effects import LuGre, Viscous
-from gms_mujoco.encoder import between_counts, common_step
+from gms_mujoco.encoder import between_counts, common_step, count_size
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
 
 COUNT = 3e-4  # rad
 PERIOD = 16  # samples
+
+
+def _position(values: np.ndarray, resolution: float | None = None) -> Record:
+    n = len(values)
+    return Record("made", SAMPLE_TIME * np.arange(n), {"torque": np.ones(n), "position": values}, "fit", resolution)
 
 
 def read(position: np.ndarray) -> np.ndarray:
@@ -24,9 +30,17 @@ def between(readings: np.ndarray, steady: bool = True) -> np.ndarray:
     return between_counts(readings, COUNT, np.full(len(readings), steady), PERIOD)
 
 
-@given(st.lists(st.integers(-4, 4), min_size=2, max_size=60), st.booleans())
+def test_the_count_is_found_in_quantised_positions_only() -> None:
+    path = np.cumsum(np.random.default_rng(0).normal(0, 1, 2000))
+    assert count_size(_position(0.7e-3 * np.round(path))) == pytest.approx(0.7e-3)
+    assert count_size(_position(path)) == 0
+    assert count_size(_position(path, resolution=0.01)) == 0.01
+    assert count_size(_position(np.full(100, 0.3))) == 0
+
+
+@given(st.lists(st.sampled_from([0, 0, 0, -2, -1, 1, 2]), min_size=2, max_size=60), st.booleans())
 def test_no_position_is_further_from_its_reading_than_half_a_count(steps: list[int], steady: bool) -> None:
-    readings = COUNT * np.cumsum(np.sign(steps) * (np.abs(steps) > 2) + np.sign(steps) * (np.abs(steps) > 3))
+    readings = COUNT * np.cumsum(steps)
     found = between(readings, steady)
     assert np.abs(found - readings).max() <= COUNT / 2 * (1 + 1e-9)
     if not steady:

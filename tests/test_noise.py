@@ -9,7 +9,6 @@ from scipy import signal
 
 from gms_mujoco.effect import Effect
 from gms_mujoco.effects import AsymmetricFriction, Backlash, Cogging, LoadDependentFriction
-from gms_mujoco.encoder import count_size
 from gms_mujoco.excitation import multisine
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
@@ -32,11 +31,6 @@ from gms_mujoco.record import Record
 
 BARE = Plant.axis(J)
 TORQUE, POSITION = 2e-4, 3e-6  # each visible in a part of the spectrum at 1 kHz
-
-
-def _position(values: np.ndarray, resolution: float | None = None) -> Record:
-    n = len(values)
-    return Record("made", SAMPLE_TIME * np.arange(n), {"torque": np.ones(n), "position": values}, "fit", resolution)
 
 
 @pytest.mark.parametrize(("torque", "position"), [(TORQUE, POSITION), (TORQUE, 1e-8), (5e-6, 10 * POSITION)])
@@ -91,18 +85,11 @@ def test_a_residual_lowers_the_torque_noise_and_never_raises_it() -> None:
     assert refine_noise(low, observations, residuals) == low
 
 
-def test_the_count_is_found_in_quantised_positions_only() -> None:
-    path = np.cumsum(np.random.default_rng(0).normal(0, 1, 2000))
-    assert count_size(_position(0.7e-3 * np.round(path))) == pytest.approx(0.7e-3)
-    assert count_size(_position(path)) == 0
-    assert count_size(_position(path, resolution=0.01)) == 0.01
-    assert count_size(_position(np.full(100, 0.3))) == 0
-
-
 def test_rough_inertia_is_roughly_right() -> None:
     assert rough_inertia(runs(BARE)) == pytest.approx(J, rel=0.01)
     assert rough_inertia(runs(HEALTHY)) == pytest.approx(J, rel=0.3)
-    assert rough_inertia([_position(np.sin(np.arange(500) / 30))]) > 0
+    n = np.arange(500)
+    assert rough_inertia([Record("made", SAMPLE_TIME * n, {"torque": np.ones(500), "position": np.sin(n / 30)})]) > 0
 
 
 def test_the_band_closes_as_the_position_gets_noisier() -> None:
