@@ -217,8 +217,7 @@ def floor_residual(
         return drawn + hidden
     # Over the record, not stretch by stretch: when the axis turns back is chance, and how often much the same.
     drawn = believable(drawn, left)
-    rest = float(np.mean(left**2) - np.mean(drawn**2)) / max(float(np.mean(hidden**2)), 1e-300)
-    return drawn + hidden * np.sqrt(min(max(rest, 0.0), 1.0))
+    return drawn + hidden * _room(drawn, hidden, left)
 
 
 def sensor_residual(
@@ -258,6 +257,14 @@ def believable(floor: Array, residual: Array) -> Array:
     stretch = np.arange(len(floor)) // _LONG
     square, most = (np.bincount(stretch, x**2) for x in (floor, residual))
     return floor * np.sqrt(np.minimum(_SCATTER * most / np.maximum(square, 1e-300), 1.0))[stretch]
+
+
+def _room(drawn: Array, hidden: Array, left: Array) -> float:
+    """The share of `hidden`, at most 1, with which it and what is drawn are together as loud as what is left."""
+    # The root of a quadratic: where both say whether the axis turned back, noise undoes a part of what samples hide.
+    square, rest, common = float(hidden @ hidden), float(left @ left - drawn @ drawn), float(hidden @ drawn)
+    root = np.sqrt(max(common**2 + square * rest, 0.0))
+    return float(np.clip((root - common) / max(square, 1e-300), 0.0, 1.0))
 
 
 def _growth(loud: Array, quiet: Array) -> Array:

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import signal
 
 from gms_mujoco.effect import Effect
@@ -14,6 +16,7 @@ from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
     Noise,
     _growth,
+    _room,
     _within,
     believable,
     choose_bandwidth,
@@ -189,6 +192,25 @@ def test_what_an_axis_does_between_samples_is_in_the_floor() -> None:
     assert rms(np.array(without)) < 0.6 * rms(np.array(left))
     assert 1 / 1.5 < rms(np.array(blind)) / rms(np.array(left)) < 1.5
     assert 0.75 < rms(np.array(floor)) / rms(np.array(left)) < 1.05
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-1, 1), st.floats(0.1, 10), st.floats(0.1, 10))
+def test_what_samples_hide_and_noise_fill_what_is_left(seed: int, alike: float, size: float, room: float) -> None:
+    """Also where noise undoes a part of what they hide."""
+    drawn, other, left = np.random.default_rng(seed).standard_normal((3, 100))
+    hidden, left = size * (alike * drawn + other), room * left
+    share = _room(drawn, hidden, left)
+    assert 0 <= share <= 1
+    if rms(drawn) <= rms(left) <= rms(drawn + hidden):
+        assert rms(drawn + share * hidden) == pytest.approx(rms(left))
+    elif rms(drawn) <= rms(left):
+        assert share == 1
+    else:
+        assert rms(drawn + share * hidden) <= rms(drawn) * (1 + 1e-12)
+
+
+def test_what_samples_hide_has_no_share_where_they_hide_nothing() -> None:
+    assert _room(np.ones(3), np.zeros(3), 2 * np.ones(3)) in (0, 1)
 
 
 @pytest.mark.parametrize(
