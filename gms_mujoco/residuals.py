@@ -118,8 +118,10 @@ class Residuals:
         if n < 4:
             return None
         edges = np.quantile(x[keep], np.linspace(0, 1, n + 1)[1:-1])
-        group = np.where(keep, np.searchsorted(edges, x), -1)
-        return group_means(group, x, n), group_means(group, measured, n), group_means(group, needed, n)
+        # A joint that holds is at one distance for long: where several edges lie there, nothing lies between them.
+        held, group = np.unique(np.searchsorted(edges, x[keep]), return_inverse=True)
+        x, measured, needed = (group_means(group, v[keep], len(held)) for v in (x, measured, needed))
+        return x, measured, needed
 
     # Means over a quantity.
 

@@ -54,6 +54,18 @@ def drawn() -> list[ResidualMap]:
     return out
 
 
+def test_the_hysteresis_has_one_value_where_a_joint_holds(healthy: Comparison) -> None:
+    """Most of its samples lie at the same few distances from the reversal, then."""
+    residuals = Residuals(HEALTHY, healthy.records)
+    held = [replace(s, distance=np.ceil(s.distance / 0.02) * 0.02) for s in residuals._swings]
+    residuals.__dict__["_swings"] = held
+    found = residuals.after_reversal()
+    assert found is not None
+    distance, measured, needed = found
+    assert (np.diff(distance) > 0).all() and np.isfinite(measured).all() and np.isfinite(needed).all()
+    assert {*distance.round(9)} <= {*np.concatenate([s.distance for s in held]).round(9)}
+
+
 @pytest.mark.parametrize("name", ["position", "revolution", "velocity", "acceleration", "since_reversal", "time"])
 def test_of_noise_the_nominal_share_of_bins_lies_outside(drawn: list[ResidualMap], name: str) -> None:
     outside = np.concatenate([m.outside for m in drawn if m.name == name])
