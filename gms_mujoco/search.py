@@ -45,6 +45,7 @@ from .judgement import (
     swings,
     takes,
     takes_in_part,
+    takes_of_both,
     with_curve,
     without,
 )
@@ -227,7 +228,7 @@ class Search:
         self.rejected = [
             Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
         ]
-        return added or (self.waits and self.shape(at_last=True))
+        return added or self._drag_for_curve() or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
@@ -275,13 +276,41 @@ class Search:
         """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
         stands for a drag, whose tangent shows nothing then; see `JointFits.roughly` for `below`."""
         now = self.steps[-1].result
-        drag = next((e for e in self._addable if e.name == _DRAG), None)
-        if drag is None or not self.timed or (plant := straightened(now)) is None:
+        if (plants := self._straight) is None:
             return []
-        held = [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]
-        misfit, x = now.misfit.onto(plant + drag(coefficient=0.0), now.vector, self.fits.few, fixed=held)
+        misfit, x = now.misfit.onto(plants[1], now.vector, self.fits.few, fixed=_velocities(plants[1]))
         x = refined(misfit, nudge(misfit, x, below=below), below=below)
         return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
+
+    def _drag_for_curve(self) -> bool:
+        """Puts a drag in the place of a curve that bends over all speeds, and stands for it at the noise floor, where
+        nothing is left that the drag could take; False where it earns no place.
+
+        It does where it leaves less than the curve of all that is fitted, and of blocks not seen surely less, with an
+        unknown fewer; and beside friction that weakens at slow speed alone it has to take its share of what is left.
+        """
+        now = self.steps[-1]
+        if not (self.at_floor and self.only_timed) or (plants := self._straight) is None:
+            return False
+
+        def fitted(plant: Plant) -> tuple[FitResult, HeldOut]:
+            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=_velocities(plant))
+            result = refine(misfit, nudge(misfit, x))
+            return result, cross_validated(result.misfit, result.vector)
+
+        result, held_out = fitted(plants[1])
+        leaves_less = left_of(result.misfit, result.vector) <= left_of(now.result.misfit, now.result.vector)
+        if not leaves_less or p_value(now.held_out, held_out) > FALSE_DISCOVERY_RATE or not self.selects(result):
+            return False
+        base, before = fitted(plants[0])
+        floor = min(floor_of(base), floor_of(result))
+        p = self._beside(base, before, Trial(_DRAG, result, held_out))
+        if p > FALSE_DISCOVERY_RATE or not takes_of_both(base, before, result, held_out, floor, LEAST_SHARE):
+            return False
+        last = self.fits.to_end(*result.misfit.onto(result.plant, result.vector))
+        self.steps[-1] = replace(now, result=base, held_out=before)
+        self.steps.append(Step(_DRAG, last, None, (), p, cross_validated(last.misfit, last.vector)))
+        return True
 
     def _beside_following(self) -> list[Rough]:
         """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
@@ -521,6 +550,15 @@ class Search:
         return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in left_out]
 
     @property
+    def _straight(self) -> tuple[Plant, Plant] | None:
+        """The plant with friction that weakens at slow speed alone where it has bent over all, without a drag and with
+        one; None where it has not."""
+        drag = next((e for e in self._addable if e.name == _DRAG), None)
+        if drag is None or not self.timed or (plant := straightened(self.steps[-1].result)) is None:
+            return None
+        return plant, plant + drag(coefficient=0.0)
+
+    @property
     def timed(self) -> bool:
         """Whether anything was measured in time, and so at some speed."""
         return any(isinstance(o, Observation) for o in self.seen)
@@ -566,3 +604,8 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
+
+
+def _velocities(plant: Plant) -> list[str]:
+    """The Stribeck velocities of a plant, as a fit names what it leaves as it is."""
+    return [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]

@@ -9,6 +9,7 @@ from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 from gms_mujoco import effects
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
+from gms_mujoco.friction_shape import straightened
 from gms_mujoco.habits import acting_early
 from gms_mujoco.joint_fits import JointFits
 from gms_mujoco.judgement import Trial, left_of
@@ -98,6 +99,25 @@ def test_a_drag_is_tried_beside_another_curve_than_one_that_has_bent_to_stand_fo
             assert misfit.plant(x)["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
     search.false.add("quadratic_drag")
     assert not search._beside_straight()
+
+
+def test_a_drag_takes_the_place_of_a_curve_that_stands_for_it_at_the_noise_floor() -> None:
+    """And a curve that does bend over all speeds keeps its own."""
+    law, noise = GMS.replace(static=1.02 * LEVEL), 1e-3
+    drag = effects.QuadraticDrag(coefficient=0.3 * LEVEL / 20**2)
+    curve = law.replace(static=1.4 * LEVEL, stribeck_velocity=25.0)
+    for plant, there in ((HEALTHY.replace(law) + drag, True), (HEALTHY.replace(curve), False)):
+        near = Misfit(HEALTHY.replace(curve), observe(runs(plant, torque_noise=noise), J))
+        now = refine(near, near.vector(HEALTHY.replace(curve)))
+        search = Search(near.observations, [], HEALTHY)
+        search.steps = [Step(None, now, held_out=cross_validated(now.misfit, now.vector))]
+        assert search.at_floor and straightened(now)
+        assert search._drag_for_curve() == there
+        assert [s.effect for s in search.steps[1:]] == ["quadratic_drag"] * there
+        if there:
+            base, last = (s.result for s in search.steps)
+            assert last.plant["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.1)
+            assert base.error > 1.2 * last.error
 
 
 def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
