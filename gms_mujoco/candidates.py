@@ -29,6 +29,7 @@ _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
+_CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
 
@@ -178,6 +179,28 @@ def shapes(
         grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
     for chosen in itertools.product(*grids.values()):
         yield dict(zip(grids, chosen, strict=True))
+
+
+def width_of(effect: type[Effect]) -> str | None:
+    """The parameter that is the width of a play; None for an effect without one."""
+    return next((p.name for p in effect.parameters if p.unit == "rad" and math.isnan(p.default)), None)
+
+
+def widths(
+    effect: type[Effect], scales: Scales, observations: Sequence[Seen], plant: Plant
+) -> Iterator[dict[str, float]]:
+    """Values to try, one width of a play close to the next; none for an effect without a play.
+
+    A motion takes up a play or does not: a tenth beside the right one it shows as little as any other.
+    """
+    name, grid = width_of(effect), list(shapes(effect, scales, observations, plant))
+    if name is None or not grid:
+        return
+    least, most = (f(shape[name] for shape in grid) for f in (min, max))
+    others = [shape for shape in grid if shape[name] == least]
+    usual = others[len(others) // 2]
+    for value in np.geomspace(least, most, math.ceil(math.log(most / least) / _CLOSE) + 1):
+        yield {**usual, name: float(value)}
 
 
 def _grid(

@@ -93,10 +93,11 @@ class JointFits:
         fits: list[tuple[Misfit, Array]] = []
         ways: list[tuple[float, dict[str, float]]] = []  # cost, form
         for form in forms(candidate.effect, current.plant):
-            plant = joined(current.plant, candidate.effect.replace(**form))
-            misfit, x = current.misfit.onto(plant, current.vector, self.few)
-            fits.append((misfit, nudge(misfit, x, below=below)))
-            ways.append((misfit.cost(fits[-1][1]), form))
+            plants = [joined(current.plant, e.replace(**form)) for e in (candidate.effect, *candidate.others)]
+            near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
+            tried = [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
+            ways.append((min(misfit.cost(x) for misfit, x in tried), form))
+            fits += tried
         if candidate.strong:
             ways.sort(key=lambda t: t[0])
             fits += self.afresh(current.plant, candidate.strong, [f for _, f in ways], min(ways[0][0], below))

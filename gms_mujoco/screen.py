@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -30,6 +30,8 @@ from .candidates import (
     strengths,
     units_of,
     valued,
+    width_of,
+    widths,
     with_strengths,
 )
 from .effect import Effect
@@ -53,6 +55,9 @@ _FEWEST_COUNTS = 6  # of the encoder in a period
 _SLOW = 0.2  # of the time, at least, in which a harmonic must be slow enough for the band
 _LENGTHS, _PERIODS = 8, 3  # of the travel, which waves on a slide joint are a whole number of, and they in the travel
 _MOSTLY = 0.5  # of the squared residual, which several together must not leave
+_SHOWS = 0.1  # of the squared residual, which a play has to take for its width to be looked for closely
+_RIVALS, _MOST_PLAYS = 0.5, 2  # of what the best takes; so many other widths are of interest
+_APART = 0.25  # ratio of widths, less 1, from which they are others
 _AT_ONCE = 7  # choices of an effect's other parameters that are looked at in one pass over the records
 _STEP = 1e-3  # of the typical strength, for the derivative
 
@@ -67,6 +72,7 @@ class Candidate:
         held_out: what is left of each block, predicted without that block.
         strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         columns: (m, k) what it does to the residual.
+        others: the same with other widths of a play at which it explains much, from which a joint fit may start too.
     """
 
     effect: Effect
@@ -74,6 +80,7 @@ class Candidate:
     held_out: HeldOut
     strong: Effect | None = None
     columns: Array | None = None
+    others: tuple[Effect, ...] = ()
 
 
 class _Tangents(NamedTuple):
@@ -100,6 +107,13 @@ class _Best:
     shape: dict[str, float] | None = None  # of the best by its tangents
     tried: list[_Tangents] = field(default_factory=list)
     out_of_bounds: Effect | None = None
+
+
+def _is_apart(one: _Best, other: _Best, width: str | None) -> bool:
+    """Whether two have widths of a play that no fit goes from one to the other."""
+    if width is None or one.shape is None or other.shape is None:
+        return False
+    return abs(math.log(one.shape[width] / other.shape[width])) > _APART
 
 
 class Screen:
@@ -136,15 +150,11 @@ class Screen:
         for i in range(0, len(todo), _AT_ONCE):
             for tangents in self._tangents(effect, todo[i : i + _AT_ONCE]):
                 self._try(best, effect, tangents)
-        # Between the values of the grid, as far as the best by its tangents leads.
-        for factor in _FINER:
-            for name in [k for k in (best.shape or {}) if is_continuous(effect, k) and k not in given]:
-                assert best.shape is not None
-                around = best.shape
-                for by in (factor, 1 / factor):
-                    table = {p.name: p for p in effect.parameters}[name]
-                    value = float(np.clip(around[name] * by, table.lower, table.upper))
-                    self._try(best, effect, next(self._tangents(effect, [{**around, name: value}])))
+        found = [best, *self._plays(best, effect, given)]
+        for one in found:
+            self._closer(one, effect, given)
+        best = max(found, key=lambda b: b.weak[0] if b.weak else -math.inf)
+        others = tuple(b.weak[1] for b in found if b.weak and _is_apart(b, best, width_of(effect)))
         if best.weak is None and best.strong is None:
             # It can be seen, but every strength that is allowed makes things worse.
             return Candidate(best.out_of_bounds, 0.0, self.held_out) if best.out_of_bounds else None
@@ -153,7 +163,31 @@ class Screen:
         gain, started, columns = max((s for s in (best.weak, best.strong) if s is not None), key=lambda s: s[0])
         share = max(gain, 0.0) / max(self._left, 1e-300)
         strong = best.strong[1] if best.strong else None
-        return Candidate(started, share, self._predicted(columns, self._kept(started)), strong, columns)
+        return Candidate(started, share, self._predicted(columns, self._kept(started)), strong, columns, others)
+
+    def _closer(self, best: _Best, effect: type[Effect], given: Collection[str]) -> None:
+        """Goes between the values of the grid, as far as the best by its tangents leads."""
+        for factor in _FINER:
+            for name in [k for k in (best.shape or {}) if is_continuous(effect, k) and k not in given]:
+                assert best.shape is not None
+                around = best.shape
+                for by in (factor, 1 / factor):
+                    table = {p.name: p for p in effect.parameters}[name]
+                    value = float(np.clip(around[name] * by, table.lower, table.upper))
+                    self._try(best, effect, next(self._tangents(effect, [{**around, name: value}])))
+
+    def _plays(self, best: _Best, effect: type[Effect], given: Collection[str]) -> list[_Best]:
+        """The widths of a play at which it explains more than with those beside them, and about as much as the best."""
+        if given or best.weak is None or best.weak[0] < _SHOWS * self._left:
+            return []
+        todo, found = list(widths(effect, self.scales, self.misfit.observations, self.plant)), []
+        for i in range(0, len(todo), _AT_ONCE):
+            for tangents in self._tangents(effect, todo[i : i + _AT_ONCE]):
+                found.append(_Best())
+                self._try(found[-1], effect, tangents)
+        gains = np.array([0.0, *(b.weak[0] if b.weak else 0.0 for b in found), 0.0])
+        peaks = (gains[1:-1] > gains[:-2]) & (gains[1:-1] > gains[2:]) & (gains[1:-1] > _RIVALS * best.weak[0])
+        return [found[i] for i in sorted(np.flatnonzero(peaks), key=lambda i: -gains[i + 1])[:_MOST_PLAYS]]
 
     def started(self, effect: Effect) -> Effect | None:
         """An effect that the plant does not have with values for those that it lacks, from which a joint fit starts;

@@ -8,7 +8,7 @@ import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.candidates import applicable, is_possible, is_present, joined, lean, shapes
+from gms_mujoco.candidates import applicable, is_possible, is_present, joined, lean, shapes, width_of, widths
 from gms_mujoco.fit import fit, observe
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
@@ -76,6 +76,19 @@ def test_candidates_for_a_gap_are_close_and_knock_hard() -> None:
     # Two refinements close the steps of the grid to less than 1.3.
     steps = np.diff(np.log(sorted(gaps)))
     assert np.exp(steps.max()) / (1.41 * 1.19) ** 2 < 1.3
+
+
+def test_widths_of_a_play_are_tried_closely_over_the_whole_grid() -> None:
+    scales = Scales.of(OBSERVED)
+    assert [k for k, e in effects.CATALOGUE.items() if width_of(e) or [*widths(e, scales, OBSERVED, HEALTHY)]] == [
+        "backlash"
+    ]
+    gaps, grid = (
+        [tried["gap"] for tried in values(effects.Backlash, scales, OBSERVED, HEALTHY)] for values in (widths, shapes)
+    )
+    assert gaps[0] == pytest.approx(min(grid)) and gaps[-1] == pytest.approx(max(grid))
+    steps = np.diff(np.log(gaps))
+    assert (steps > 0).all() and (steps < 0.13).all()
 
 
 def test_an_effect_at_the_end_of_its_range_or_a_resonance_without_one_is_not_what_it_is_called() -> None:

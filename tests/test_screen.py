@@ -129,6 +129,16 @@ def test_every_effect_of_the_catalogue_can_be_screened(screened: dict) -> None:
     assert missing <= {"load_dependent_friction"}
 
 
+@pytest.mark.parametrize(("gap", "damping"), [(0.015, 1.0), (0.03, 0.5)])
+def test_the_width_of_a_play_is_told_before_any_fit(gap: float, damping: float) -> None:
+    """Within a tenth, beyond which a fit does not find it; what else a fit may start from is far from it."""
+    hidden = effects.Backlash(inertia=0.3 * J, gap=gap, frequency=100.0, damping=damping)
+    found = fit(UNKNOWN, runs(HEALTHY + hidden, seconds=4.0)[1:])
+    candidate = Screen(found.misfit, found.vector).candidate(effects.Backlash)
+    assert candidate is not None and candidate.effect.gap == pytest.approx(gap, rel=0.1)
+    assert all(abs(math.log(float(e.gap) / gap)) > 0.2 for e in candidate.others)
+
+
 def test_an_effect_whose_signal_was_not_recorded_is_no_candidate(screened: dict) -> None:
     found, candidates = screened["cogging"]
     assert "load_dependent_friction" in {e.name for e in applicable(found.plant)}
