@@ -72,9 +72,10 @@ def corrected(search: Search, other: Search) -> str:
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
     (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
-    told = before.score.told
+    told, more = before.score.told, len(search.steps) - len(other.steps)
+    beside = f" with {more} effect{'s' * (more > 1)} more that would stand for the difference" if fewer else ""
     return (
         f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "
         f"{given / found:.4g} times the torque: with that the {after.score.name} is {told(after.error)}, else "
-        f"{told(before.error)}{' with more effects' if fewer else ''}"
+        f"{told(before.error)}{beside}"
     )

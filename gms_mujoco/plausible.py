@@ -32,6 +32,8 @@ _CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
 _FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is held
 _JUMP = 0.6  # of one distance to another, that are taken to be the same
 _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
+_WHOLE = 1.01  # of what a counter holds, with room for how its ends were written
+_FEWEST_CHANGES = 20  # of a position, to tell how often it is read
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
 
 
@@ -78,9 +80,13 @@ def _alone(step: Array, size: float) -> NDArray[np.bool_]:
 
 
 def _without(position: Array, step: Array, size: float) -> Array | None:
-    """Position without jumps by a size and its multiples; None where there are none, or where it still jumps."""
+    """Position without jumps by a size and its multiples; None where there are none, or where it still jumps.
+
+    What runs over at a size reads no more than that: positions that lie further apart only moved as fast, or were held
+    for several rows, as those are that come at a lower rate than the torque.
+    """
     jumps = np.abs(step) > size / 2
-    if not jumps.any() or jumps.mean() > 0.1:
+    if not jumps.any() or jumps.mean() > 0.1 or np.ptp(position) > _WHOLE * size:
         return None
     turns = -np.round(step / size) * jumps
     smooth = position + size * np.concatenate([[0.0], np.cumsum(turns)])
@@ -88,6 +94,17 @@ def _without(position: Array, step: Array, size: float) -> Array | None:
     if np.abs(np.diff(smooth)).max() > max(4 * np.quantile(np.abs(step[~jumps]), 0.99), 1e-3):
         return None
     return smooth
+
+
+def held(position: Array, what: str = "position") -> str | None:
+    """A sentence where a position changes at every so many rows only, as one does that is read at a lower rate than
+    the rest and held between; None where it does not."""
+    changes = np.flatnonzero(np.diff(position))
+    every = int(np.gcd.reduce(np.diff(changes))) if len(changes) > _FEWEST_CHANGES else 1
+    if every == 1:
+        return None
+    return (f"{what} changes at every {every} rows only, as one that is read at a lower rate and held: log it at the "
+            "rate of the rest, or leave out the rows between")  # fmt: skip
 
 
 def leap(position: Array, count: float | None = None) -> int | None:

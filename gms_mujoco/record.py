@@ -134,12 +134,6 @@ class Record:
 
 
 def told_uses(uses: Sequence[str], given: str) -> str:
-    """The sentence on what the records of a set are for, and who decided it.
-
-    Raises:
-        DataError: none is fitted.
-    """
-    if "fit" not in uses:
-        raise DataError('no record has use = "fit"; nothing could be identified')
+    """The sentence on what the records of a set are for, and who decided it."""
     counts = [f"{n} to {use}" for use in USES if (n := sum(u == use for u in uses))]
     return f"records: {', '.join(counts)} ({given})"

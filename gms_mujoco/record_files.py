@@ -20,6 +20,7 @@ from .record import Record
 Array = NDArray[np.float64]
 
 _KEYS = ("file", "use", "joint", "episode", "rate", "span", "sensed", "columns", "units", "scale")
+_AS_DECLARED = 0.7  # of a declared count: positions with smaller steps come of a finer encoder
 _OTHERS = "position of "  # before the name of another joint of the robot, among the signals
 
 
@@ -71,7 +72,8 @@ def read(
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
         # Interpolated positions would not show it any more.
-        count = axis.joint.resolution or common_step(signals["position"]) or None
+        count, note = _count(axis.joint.resolution, common_step(signals["position"]), axis.joint.kind)
+        notes.append(note)
         time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
         notes.append(note)
     except DataError as error:
@@ -83,6 +85,16 @@ def read(
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
     return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
+
+
+def _count(declared: float | None, seen: float, kind: str) -> tuple[float | None, str | None]:
+    """The position of one encoder count [rad or m], None where nothing tells it; and a sentence where positions have
+    finer steps than an encoder as declared could make."""
+    if not declared or not 0 < seen < _AS_DECLARED * declared:
+        return declared or seen or None, None
+    si = "rad" if kind == "hinge" else "m"
+    return seen, (f"positions have steps of {seen:.4g} {si}, finer than the encoder's {declared:.4g} {si} as declared: "
+                  "the finer are taken")  # fmt: skip
 
 
 def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[dict[str, Array], bool, str | None]:
@@ -121,7 +133,7 @@ def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) 
         kind = axis.joint.kind_of(other)
         count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
         signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
-        notes.append(note)
+        notes += [note, plausible.held(signals[what], what)]
         if (at := plausible.leap(signals[what], count)) is not None:
             before, after = signals[what][at - 1 : at + 1]
             si = "rad" if kind == "hinge" else "m"

@@ -254,8 +254,11 @@ def test_a_record_without_use_beside_others_fits_and_it_is_said(tmp_path: Path) 
     assert [r.use for r in runs.records] == ["fit", "validate"] and "run.csv: no use given, so fit" in runs.split
 
 
-def test_nothing_to_fit_is_refused(tmp_path: Path) -> None:
-    refuses(tmp_path, AXIS + RECORD + 'use = "validate"\n', 'use = "fit"')
+def test_records_to_score_a_plant_by_need_none_beside_them_and_a_fit_refuses_them(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "validate"\n')
+    assert runs.fit == () and runs.split == "records: 1 to validate (as given)"
+    with pytest.raises(DataError, match='use = "fit"'):
+        fit(baseline(runs.inertia), runs.fit)
 
 
 # Time.
@@ -374,6 +377,16 @@ def test_the_count_of_an_encoder_outlives_resampling(tmp_path: Path) -> None:
     columns = {"time": uneven, "torque": RUN["torque"], "position": 1e-4 * np.round(RUN["position"] / 1e-4)}
     runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **columns)
     assert "resampled" in runs.notes[0] and runs.fit[0].resolution == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize(("declared", "taken"), [(2**10, 2**14), (2**14, 2**14), (2**16, 2**16)])
+def test_steps_finer_than_the_encoder_as_declared_are_taken_and_said(declared: int, taken: int, tmp_path: Path) -> None:
+    """Coarser ones come of few digits, or of an axis that moves fast, and say nothing against it."""
+    count = 2 * np.pi / 2**14
+    read = {**RUN, "position": np.round(RUN["position"] / count) * count}
+    runs = dataset(tmp_path, f"[axis]\nencoder_counts_per_rev = {declared}\n" + RECORD, **read)
+    assert runs.fit[0].resolution == pytest.approx(2 * np.pi / taken)
+    assert any("finer than the encoder's" in note for note in runs.notes) == (declared < taken)
 
 
 def test_a_current_in_rows_that_are_not_the_drive_s_is_read_and_not_held(tmp_path: Path) -> None:

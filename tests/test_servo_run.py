@@ -120,7 +120,6 @@ def test_a_log_of_a_servo_is_read_with_the_care_of_any_other(tmp_path) -> None:
         ('[axis]\ncontroller = "speed"\n', "axis.controller must be position; 'speed' given"),
         ('[axis]\ncontroller = "position"\ninertia = 1.0\n', "unknown key axis.inertia; expected controller"),
         ('[axis]\ncontroller = "position"\n', "at least one"),
-        ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nuse = "select"\n', "could be identified"),
         ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nuse = "test"\n', "use must be one of"),
         ('[axis]\ncontroller = "position"\n[[frf]]\nfile = "a.uff"\n', r"\[\[frf\]\] has no place"),
         ('[axis]\ncontroller = "position"\n[[record]]\nfile = "log.json"\nmass = -1\n', "record 1: .*mass must be"),
