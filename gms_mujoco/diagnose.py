@@ -438,8 +438,11 @@ def _evidence(before: Step, step: Step) -> str:
     assert step.effect is not None
     better = sum(b < a for a, b in zip(before.held_out.by_record, step.held_out.by_record, strict=True))
     score = step.result.score
+    was, now = before.result.error, step.result.error
+    fall = f"the {score.name} falls from {score.told(was)} to {score.told(now)}"
+    if now >= was:  # of a plant that was fitted between moments, which are in the error
+        fall = "less is left of what a fit has not seen"
     return (
-        f"{step.effect}: with it the {score.name} falls from {score.told(before.result.error)} to "
-        f"{score.told(step.result.error)} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
+        f"{step.effect}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
         f"{len(step.held_out.by_record)} fit records; {_lowered(effects.find(step.effect).signature)}"
     )

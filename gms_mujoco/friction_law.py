@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from . import effects
 from .effect import Effect
 from .fit import fit_observations, from_the_data
@@ -34,6 +36,7 @@ from .search import Search, Step
 LAWS: dict[str, dict[str, float]] = {
     "gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
 }  # fmt: skip
+_STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 
 
@@ -81,10 +84,13 @@ class FrictionLaw:
 
         None is tried where noise leaves too little for any to be worth it. At the floor already, whose tolerance has
         room for a wrong law that a stiff contact hides, another has to take as much of everything as an effect there.
+        In the place of one that has come out as no bearing is, any does that leaves no more with fewer unknowns.
         """
         search, earned = self._search, []
         now = search.steps[-1].result
-        room = takes(left_of(now.misfit, now.vector), floor_of(now), 0.0)
+        least = left_of(now.misfit, now.vector)
+        strays = _strays(now.plant)
+        room = strays or takes(least, floor_of(now), 0.0)
         for law in self._laws if room else ():
             if law.name in now.plant or law.name in self._taken:
                 continue
@@ -99,8 +105,10 @@ class FrictionLaw:
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
             at_floor = held_out.total <= AT_FLOOR**2 * floor_of(result)
             falls = search.held_out.total - held_out.total > LEAST_GAIN * search.held_out.total
-            earns = worth or (at_floor and falls and not search.at_floor)
-            if p < FALSE_DISCOVERY_RATE and earns and search.selects(result):
+            earns = p < FALSE_DISCOVERY_RATE and (worth or (at_floor and falls and not search.at_floor))
+            fewer = misfit.coordinates.size < now.misfit.coordinates.size
+            no_more = left_of(misfit, x) <= least and held_out.total <= search.held_out.total
+            if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
                 earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
         return min(earned, key=lambda t: t.held_out.total, default=None)
 
@@ -111,7 +119,8 @@ class FrictionLaw:
         self.said = "" if name == first else (
             f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it the torque "
             f"error falls from {100 * search.steps[-1].result.error:.2f} % to {100 * trial.result.error:.2f} % "
-            f"(p = {trial.p_value:.1g} on held-out blocks)"
+            + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
+               else "with fewer unknowns")
         )  # fmt: skip
         search.start = with_law(search.start, trial.law)
         search.false.clear()
@@ -153,6 +162,12 @@ def much_better(search: Search, other: Search) -> str:
         f"{law_of(other.start)} describes the friction, in the place of {law_of(search.start)}: with it and what is "
         f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
     )
+
+
+def _strays(plant: Plant) -> bool:
+    """Whether friction comes out many times as strong at rest as while it slides: few samples told so, if any."""
+    laws = [e for e in plant.effects if "static" in e.values]
+    return any(float(np.asarray(e.static)) > _STRONGEST * float(np.asarray(e.coulomb)) for e in laws)
 
 
 def law_of(plant: Plant) -> str:

@@ -24,6 +24,7 @@ from .search import Search, Step, Tried
 Array = NDArray[np.float64]
 
 MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
+_SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
 
@@ -33,7 +34,7 @@ def exchange(search: Search) -> None:
 
     What was still missing when they were compared may have made one look like the other, or better, and so may
     friction that came out a little different beside each. Tried are those that could not be told apart, those of fewer
-    free parameters that took nearly as much, and short of the noise floor those that came close.
+    free parameters that took nearly as much, a part of the effect, and short of the noise floor those that came close.
     """
     for k in range(1, len(search.steps)):
         if k >= len(search.steps):
@@ -48,6 +49,8 @@ def exchange(search: Search) -> None:
             or _simpler(t, step, search.steps[k - 1])
         ]
         trials = [Trial(step.effect, last.result, last.held_out), *(_instead(search, step.effect, t) for t in others)]
+        if (part := _part(search, step)) is not None and part.name not in [t.name for t in others]:
+            trials.append(part)
         chosen, equal = simplest(trials)
         if chosen:
             rest = [t for t in step.others if t.name != trials[chosen].name]
@@ -57,6 +60,21 @@ def exchange(search: Search) -> None:
         plant = search.steps[-1].result.plant
         alike = tuple(trials[i].name for i in equal if trials[i].name not in plant)
         search.steps[k] = replace(search.steps[k], confusable_with=alike)
+
+
+def _part(search: Search, step: Step) -> Trial | None:
+    """The last fit with the offset alone in the place of a spring that was added, which has one; None of other effects.
+
+    While another was missing that is uneven over the place, a slope may have stood for it: at the noise floor none is.
+    """
+    last = search.steps[-1].result
+    known = _OFFSET in last.plant or _OFFSET in {*search.false, *search.without}
+    if step.effect != _SPRING or known or not search.at_floor:
+        return None
+    bare, start = without(last, _SPRING)
+    misfit, x = bare.onto(bare.plant(start) + effects.find(_OFFSET)(torque=last.plant[_SPRING].preload), start)
+    result = refine(misfit, x)
+    return Trial(_OFFSET, result, cross_validated(misfit, result.vector))
 
 
 def _simpler(trial: Trial, step: Step, before: Step) -> bool:
