@@ -66,7 +66,7 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
         other = search.branch(k, rival)
         law = friction.beside(other)
         _to_its_end(other, law, silent, most)
-        if _names(other) in known:
+        if _names(other) in known and other.steps[-1].result.error >= search.steps[-1].result.error:
             continue
         known.append(_names(other))
         if best([search, other]):
