@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .friction_law import FrictionLaw
-from .judgement import Trial, simplest
+from .judgement import Trial, leaves_much_less, simplest
 from .progress import Progress, part, silent
 from .recheck import drop_false, drop_late, exchange
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search
@@ -66,7 +66,7 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
         other = search.branch(k, rival)
         law = friction.beside(other)
         _to_its_end(other, law, silent, most)
-        if _names(other) in known and other.steps[-1].result.error >= search.steps[-1].result.error:
+        if _names(other) in known and not leaves_much_less(search.steps[-1].result, other.steps[-1].result):
             continue
         known.append(_names(other))
         if best([search, other]):

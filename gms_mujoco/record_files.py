@@ -72,8 +72,9 @@ def read(
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
         # Interpolated positions would not show it any more.
-        count, note = _count(axis.joint.resolution, common_step(signals["position"]), axis.joint.kind)
-        notes.append(note)
+        seen = common_step(signals["position"])
+        count = axis.joint.resolution or seen or None
+        notes.append(_finer(axis.joint.resolution, seen, axis.joint.kind))
         time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
         notes.append(note)
     except DataError as error:
@@ -87,14 +88,12 @@ def read(
     return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
 
 
-def _count(declared: float | None, seen: float, kind: str) -> tuple[float | None, str | None]:
-    """The position of one encoder count [rad or m], None where nothing tells it; and a sentence where positions have
-    finer steps than an encoder as declared could make."""
+def _finer(declared: float | None, seen: float, kind: str) -> str | None:
+    """A sentence where positions have finer steps [rad or m] than an encoder as declared could make; else None."""
     if not declared or not 0 < seen < _AS_DECLARED * declared:
-        return declared or seen or None, None
+        return None
     si = "rad" if kind == "hinge" else "m"
-    return seen, (f"positions have steps of {seen:.4g} {si}, finer than the encoder's {declared:.4g} {si} as declared: "
-                  "the finer are taken")  # fmt: skip
+    return f"positions have steps of {seen:.4g} {si}, finer than the count of {declared:.4g} {si} that was declared"
 
 
 def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[dict[str, Array], bool, str | None]:
