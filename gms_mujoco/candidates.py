@@ -217,7 +217,7 @@ def _grid(
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
-        if any(q.unit == "rad" for q in effect.parameters):
+        if width_of(effect):
             return np.minimum([30.0, 60.0, 120.0], [0.3 * highest, highest, highest])
         frfs = [o.frf.frequency for o in observations if isinstance(o, FrfObservation)]
         if len(frfs) == len(observations):

@@ -147,9 +147,8 @@ class Screen:
         best, given = _Best(), given or {}
         tried = [*shapes(effect, self.scales, self.misfit.observations, self.plant), *self._finer(effect)]
         todo = list({tuple((shape | given).items()): shape | given for shape in tried}.values())
-        for i in range(0, len(todo), _AT_ONCE):
-            for tangents in self._tangents(effect, todo[i : i + _AT_ONCE]):
-                self._try(best, effect, tangents)
+        for tangents in self._in_turn(effect, todo):
+            self._try(best, effect, tangents)
         found = [best, *self._plays(best, effect, given)]
         for one in found:
             self._closer(one, effect, given)
@@ -180,11 +179,10 @@ class Screen:
         """The widths of a play at which it explains more than with those beside them, and about as much as the best."""
         if given or best.weak is None or best.weak[0] < _SHOWS * self._left:
             return []
-        todo, found = list(widths(effect, self.scales, self.misfit.observations, self.plant)), []
-        for i in range(0, len(todo), _AT_ONCE):
-            for tangents in self._tangents(effect, todo[i : i + _AT_ONCE]):
-                found.append(_Best())
-                self._try(found[-1], effect, tangents)
+        found = []
+        for tangents in self._in_turn(effect, list(widths(effect, self.scales, self.misfit.observations, self.plant))):
+            found.append(_Best())
+            self._try(found[-1], effect, tangents)
         gains = np.array([0.0, *(b.weak[0] if b.weak else 0.0 for b in found), 0.0])
         peaks = (gains[1:-1] > gains[:-2]) & (gains[1:-1] > gains[2:]) & (gains[1:-1] > _RIVALS * best.weak[0])
         return [found[i] for i in sorted(np.flatnonzero(peaks), key=lambda i: -gains[i + 1])[:_MOST_PLAYS]]
@@ -344,6 +342,11 @@ class Screen:
         """(m,) what adding the effect does to the residual while everything else stays."""
         change = self.misfit.change(self.vector, joined(self.plant, effect), effect.name)
         return change * self.model.determined
+
+    def _in_turn(self, effect: type[Effect], todo: Sequence[dict[str, float]]) -> Iterator[_Tangents]:
+        """The tangents of an effect with many choices of its other parameters, some at a time."""
+        for i in range(0, len(todo), _AT_ONCE):
+            yield from self._tangents(effect, todo[i : i + _AT_ONCE])
 
     def _tangents(self, effect: type[Effect], some: Sequence[dict[str, float]]) -> Iterator[_Tangents]:
         """The tangents of an effect with each of several choices of its other parameters."""
