@@ -132,13 +132,20 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
-        records, others = [], []
+        records, others, uses = [], [], []
         for i, entry in enumerate(entries, 1):
             record, more, done = record_files.read(f"record {i}", entry, file.parent, axis)
+            if np.ptp(record.position) == 0:
+                notes.append(f"{record.name}: position never changes: left out")
+                continue
             records.append(record)
             others.append(more)
+            uses.append(entry.get("use"))
             notes += [f"{record.name}: {note}" for note in done]
-        if entries and not any(r.torque.any() for r in records):
+        if entries and not records:
+            raise DataError("position never changes in any record; nothing can be learnt from a joint that does not "
+                            "move")  # fmt: skip
+        if records and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
         if axis.in_amperes:
             unit = "N m" if axis.joint.kind == "hinge" else "N"
@@ -146,7 +153,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if axis.robot and records:
             records, on_robot = axis.robot.on(records, others)
             notes += on_robot
-        records, split = _split(records, [e.get("use") for e in entries]) if entries else ([], "")
+        records, split = _split(records, uses) if records else ([], "")
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
         if frfs:

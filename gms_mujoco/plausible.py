@@ -33,7 +33,6 @@ _FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is
 _JUMP = 0.6  # of one distance to another, that are taken to be the same
 _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
 _WHOLE = 1.01  # of what a counter holds, with room for how its ends were written
-_FEWEST_CHANGES = 20  # of a position, to tell how often it is read
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
 
 
@@ -94,17 +93,6 @@ def _without(position: Array, step: Array, size: float) -> Array | None:
     if np.abs(np.diff(smooth)).max() > max(4 * np.quantile(np.abs(step[~jumps]), 0.99), 1e-3):
         return None
     return smooth
-
-
-def held(position: Array, what: str = "position") -> str | None:
-    """A sentence where a position changes at every so many rows only, as one does that is read at a lower rate than
-    the rest and held between; None where it does not."""
-    changes = np.flatnonzero(np.diff(position))
-    every = int(np.gcd.reduce(np.diff(changes))) if len(changes) > _FEWEST_CHANGES else 1
-    if every == 1:
-        return None
-    return (f"{what} changes at every {every} rows only, as one that is read at a lower rate and held: log it at the "
-            "rate of the rest, or leave out the rows between")  # fmt: skip
 
 
 def leap(position: Array, count: float | None = None) -> int | None:

@@ -16,6 +16,7 @@ from .encoder import common_step
 from .errors import DataError
 from .measured_axis import Axis
 from .record import Record
+from .slow_position import Readings
 
 Array = NDArray[np.float64]
 
@@ -66,11 +67,13 @@ def read(
         columns.check(table, signals)
         if not clock_said:
             timing.expect_clock(signals["time"])
-        if np.ptp(signals["position"]) == 0:
-            raise DataError("position never changes; nothing can be learnt from a joint that does not move")
-        notes += _without_jumps(signals, table, axis)
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
+        if readings := Readings.of(signals["position"]):
+            notes.append(readings.told(signals["time"]))
+            table = table.rows(readings.seen(len(signals["time"])))
+            signals, sensed = readings.kept(signals), False
+        notes += _without_jumps(signals, table, axis)
         # Interpolated positions would not show it any more.
         seen = common_step(signals["position"])
         count = axis.joint.resolution or seen or None
@@ -132,7 +135,7 @@ def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) 
         kind = axis.joint.kind_of(other)
         count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
         signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
-        notes += [note, plausible.held(signals[what], what)]
+        notes.append(note)
         if (at := plausible.leap(signals[what], count)) is not None:
             before, after = signals[what][at - 1 : at + 1]
             si = "rad" if kind == "hinge" else "m"

@@ -455,8 +455,15 @@ def test_empty_and_short_files_are_named(tmp_path: Path) -> None:
 
 
 def test_an_axis_that_never_moves_or_is_never_driven_is_refused(tmp_path: Path) -> None:
-    refuses(tmp_path, AXIS + RECORD, "run.csv", "position never changes", **{**RUN, "position": np.ones(N)})
+    refuses(tmp_path, AXIS + RECORD, "position never changes in any record", **{**RUN, "position": np.ones(N)})
     refuses(tmp_path, AXIS + RECORD, "torque is zero", **{**RUN, "torque": np.zeros(N)})
+
+
+def test_a_record_that_never_moves_is_left_out_beside_others(tmp_path: Path) -> None:
+    formats.write(tmp_path / "still.csv", {**RUN, "position": np.ones(N)})
+    runs = dataset(tmp_path, AXIS + '[[record]]\nfile = "still.csv"\nuse = "validate"\n' + RECORD, **RUN)
+    assert [r.name.partition(" ")[0] for r in runs.records] == ["run.csv", "run.csv"], "cut as if it were alone"
+    assert any("still.csv: position never changes: left out" in note for note in runs.notes)
 
 
 def test_records_to_fit_that_do_not_move_are_refused(tmp_path: Path) -> None:

@@ -110,18 +110,6 @@ def test_a_counter_that_runs_over_is_unwrapped(kind: str, tmp_path: Path) -> Non
     assert "as a counter of 12 bits does" in " ".join(runs.notes)
 
 
-@pytest.mark.parametrize("rows", [2, 5, 20])
-def test_a_position_that_is_held_for_several_rows_is_left_as_it_is_and_said(rows: int, tmp_path: Path) -> None:
-    """However fast it moves: its steps are those of no counter, which reads no more than it holds."""
-    turning = measured(PLANT + effects.find("torque_offset")(torque=0.7))
-    count = 2 * np.pi / 2**16
-    read = np.repeat(np.round(turning.position[::rows] / count) * count, rows)[: len(turning)]
-    runs = logged(tmp_path, f"encoder_counts_per_rev = {2**16}", run=turning, position=lambda q: read)
-    assert np.allclose(runs.fit[0].position, read, atol=1e-9)
-    assert any(f"changes at every {rows} rows only" in note for note in runs.notes)
-    assert not any("rows only" in note for note in logged(tmp_path, run=turning).notes)
-
-
 @pytest.mark.parametrize("wrong", [-9999.0, 30.0])
 @pytest.mark.parametrize("samples", [1, 3])
 def test_a_reading_that_failed_is_refused_with_its_line(wrong: float, samples: int, tmp_path: Path) -> None:

@@ -1,0 +1,96 @@
+"""A position that is read at a lower rate than the torque, and held in the rows between.
+
+A logger that asks a slow bus, or merges topics of two rates, repeats the last position until the next one comes. Taken
+row by row such an axis stands and leaps; only where it was read is anything known of its motion. So these rows are
+kept, and the torque between two of them is averaged, which moves the axis as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .timing import HELD
+
+Array = NDArray[np.float64]
+
+_FEWEST = 20  # changes of a position, to tell how often it is read
+_SLOWEST_STEPS = 3.0  # times the smallest step of a position: a coarse encoder changes by one at a time
+_LONGEST = 1.5  # times the usual number of rows between two changes, that are no longer those of one reading
+_JITTER = 0.25  # of a row, by which a reading may come early or late
+_ROUNDING = 1e-9  # of a row
+_SETTLED = 5  # rounds, in which readings are counted and their period fitted
+
+
+@dataclass(frozen=True)
+class Readings:
+    """When a position is read: at rows `first + k * every`, k = 0, 1, ...; neither need be a whole number.
+
+    Attributes:
+        first: row at which the first reading was made.
+        every: rows from one reading to the next.
+        shown: rows until each has shown.
+    """
+
+    first: float
+    every: float
+    shown: float = 0.0
+
+    @classmethod
+    def of(cls, position: Array) -> Self | None:
+        """Those of a position (n,) by the rows at which it changes; None where it is read at every row, or hardly
+        moves."""
+        steps = np.diff(position)
+        changes = np.flatnonzero(steps) + 1
+        size = np.abs(steps[changes - 1])
+        if len(changes) <= _FEWEST or np.median(size) < _SLOWEST_STEPS * size.min():
+            return None
+        apart = np.diff(changes)
+        every = float(np.gcd.reduce(apart))
+        if every > 1:  # both by one clock
+            return cls(float(changes[0] % every), every)
+        every = float(np.mean(apart[apart <= _LONGEST * np.median(apart)]))
+        if every < 2 - _JITTER:
+            return None
+        for _ in range(_SETTLED):
+            count = np.concatenate([[0], np.cumsum(np.maximum(np.round(apart / every), 1))])
+            every = float(np.polyfit(count, changes, 1)[0])
+        # A reading shows in the first row after it.
+        early, late = (float(end(changes - every * count)) for end in (np.min, np.max))
+        if late - early > 1 + 2 * _JITTER:
+            return None
+        return cls((early + late - 1) / 2 % every, every, (late - early + 1) / 2)
+
+    def at(self, rows: int) -> Array:
+        """(k,) rows, whole or not, at which the position was read among so many."""
+        return np.arange(self.first, rows - max(self.every, self.shown), self.every)
+
+    def seen(self, rows: int) -> NDArray[np.bool_]:
+        """(n,) which rows these readings stand in, among so many."""
+        seen = np.zeros(rows, bool)
+        seen[np.floor(self.at(rows) + self.shown + _ROUNDING).astype(int)] = True
+        return seen
+
+    def kept(self, signals: Mapping[str, Array]) -> dict[str, Array]:
+        """Signals (k,) at the readings, of such (n,): torque and current averaged to the next reading, positions as
+        they were read, time and the rest interpolated."""
+        rows = len(signals["position"])
+        at, seen, out = self.at(rows), self.seen(rows), {}
+        for name, x in signals.items():
+            if name in HELD:
+                total = np.concatenate([[0.0], np.cumsum(x)])
+                ends = np.interp(np.append(at, at[-1] + self.every), np.arange(len(total)), total)
+                out[name] = np.diff(ends) / self.every
+            else:
+                out[name] = x[seen] if name.startswith("position") else np.interp(at, np.arange(rows), x)
+        return out
+
+    def told(self, time: Array) -> str:
+        """What was done to rows at times (n,) [s], a sentence."""
+        rate = (len(time) - 1) / (time[-1] - time[0]) / self.every
+        return (f"position changes at every {self.every:.4g} rows only, as one that is read at {rate:.4g} Hz and held: "
+                "these rows are kept, torque averaged from each to the next")  # fmt: skip
