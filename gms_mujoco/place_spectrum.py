@@ -45,7 +45,7 @@ def standing_out(place: Array, values: Array, least: int, most: int, turn: float
     return [int(k) + least for k in peaks[np.argsort(power[peaks])[::-1][:_MOST]]]
 
 
-def wave(place: Array, values: Array) -> tuple[float, float]:
+def wave(place: Array, values: Array, factor: Array) -> tuple[float, float]:
     """The period [rad or m] of the sine over the place that carries most of the square of a series, and its share.
 
     Of periods that the motion passes through several times, beyond what chance gives.
@@ -53,13 +53,14 @@ def wave(place: Array, values: Array) -> tuple[float, float]:
     Args:
         place: (m,) [rad or m].
         values: (m,) that may depend on it.
+        factor: (m,) by which the sine is multiplied.
     """
-    span, total = float(np.ptp(place)), float(values @ values)
+    span, total = float(np.ptp(place)), float(values @ values) * float(np.mean(factor**2))
     if not (span > 0 and total > 0):
         return math.inf, 0.0
     length = _PADDED * span  # finer in frequency than the lines are wide
     bins = np.minimum((place - place.min()) * (_CELLS / length), _CELLS - 1).astype(np.intp)
-    power = np.abs(np.fft.rfft(np.bincount(bins, values, _CELLS))) ** 2
+    power = np.abs(np.fft.rfft(np.bincount(bins, values * factor, _CELLS))) ** 2
     first = _PERIODS * _PADDED
     best = int(np.argmax(power[first : _CELLS // _BINS])) + first
     share = (2 * float(power[best]) / total - 2 * math.log(_CELLS)) / len(values)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
+from .candidates import absent
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value, scatter
 from .joint_fits import forms
@@ -184,6 +185,59 @@ def _drop(search: Search, k: int, left: FitResult, held_out: HeldOut) -> None:
     search.steps = [*kept[:-1], replace(kept[-1], result=left, held_out=held_out)]
 
 
+# ------------------------------------------------------------------------------------- series over the place
+
+_OF_PLACE = ("torque_offset", "spring", "gravity", "cogging")  # torques that hang on nothing else
+_LARGER = 3.0  # times all that was missing, of each of two effects
+_OPPOSITE = -0.9  # cosine between what they do
+_JOINS = 0.3  # cosine from which another effect has to do with them
+
+
+def undoing(search: Search) -> tuple[tuple[str, ...], float]:
+    """Two effects of the place that undo each other, and those that have to do with them, with how many times as much
+    as all that was missing the lesser of the two does; nothing where there are none."""
+    first, last = search.steps[0].result, search.steps[-1].result
+    names = [name for s in search.steps if (name := s.effect) in _OF_PLACE and name is not None]
+    if len(names) < 2 or len(first.misfit.residual(first.vector)) != len(left := last.misfit.residual(last.vector)):
+        return (), 0.0
+    without_one = (last.misfit.onto(last.plant.replace(absent(last.plant[n])), last.vector) for n in names)
+    done = np.array([misfit.residual(x) - left for misfit, x in without_one])
+    size = np.sqrt(np.sum(done**2, 1))
+    cosine = done @ done.T / np.outer(size, size)
+    size /= math.sqrt(float(np.sum(first.misfit.residual(first.vector) ** 2)))
+    one, other = np.unravel_index(np.argmin(cosine), cosine.shape)
+    if cosine[one, other] > _OPPOSITE or min(size[one], size[other]) < _LARGER:
+        return (), 0.0
+    joined = np.maximum(np.abs(cosine[one]), np.abs(cosine[other])) > _JOINS
+    pair = [names[one], names[other]]
+    return (*pair, *(n for n, j in zip(names, joined, strict=True) if j and n not in pair)), min(size[one], size[other])
+
+
+def drop_series(search: Search) -> str:
+    """Takes away again what is a series over the place; a sentence on it, empty where there is none.
+
+    A slope, a sine of the revolution and its harmonics make any torque over the range that was measured. Where three
+    of them are at work, two of which undo each other many times over, that is what they do; none is there by itself.
+    """
+    names, times = undoing(search)
+    if len(names) < 3:
+        return ""
+    _take_away(search, names)
+    return (
+        f"{names[0]} and {names[1]} would undo each other, {times:.0f} times as strong as all that is left, with "
+        f"{' and '.join(names[2:])} beside them: the first terms of a series over the place, and none of it a cause"
+    )
+
+
+def _take_away(search: Search, names: Collection[str]) -> None:
+    """Takes away the steps of some effects."""
+    for name in names:
+        for k in [k for k, s in enumerate(search.steps) if s.effect == name]:
+            _reject(search, k)
+            left, held_out, *_ = _against(search, k)
+            _drop(search, k, left, held_out)
+
+
 # ------------------------------------------------------------------------------------- harmonics that come late
 
 
@@ -199,11 +253,7 @@ def drop_late(search: Search) -> str:
     if lag is None:
         return ""
     harmonic, degrees, share = lag
-    for name in _ALONG_THE_PLACE:
-        for k in [k for k, s in enumerate(search.steps) if s.effect == name]:
-            _reject(search, k)
-            left, held_out, *_ = _against(search, k)
-            _drop(search, k, left, held_out)
+    _take_away(search, _ALONG_THE_PLACE)
     return (
         f"a torque that follows harmonic {harmonic:g} of the place {degrees:.0f} deg late in both directions, as "
         f"hysteresis of magnets does ({100 * share:.0f} %)"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -22,6 +22,8 @@ _DENSER = 3  # odds of the squared residual over odds of the time
 _CROWDED = 1.5  # the same for runs of a servo, whose errors stay
 _FAST = np.array([-0.5, 1.0, -0.5])  # what neighbours do not tell
 _FOLLOWS, _MOSTLY = 0.2, 0.4  # of the torque; of the square
+_CLEARLY = 0.1  # of the square: what hangs on a factor carries so much more than what does not
+_MOSTLY_THERE, _PART = 0.8, 0.3  # of what is tied to the place, in less than so much of the samples
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
@@ -64,18 +66,33 @@ def describe(misfit: Misfit, vector: Array) -> str:
     position = np.concatenate([o.position[o.index] for o, _ in runs])
     velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
     residual = np.concatenate([p for _, p in runs])
+    driven = np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs])
+    factors = {
+        "": np.ones_like(residual),
+        " as a factor on the torque": driven,
+        " as a factor on the velocity": velocity,
+        " as a factor on friction": np.sign(velocity),
+    }
     hinge = plant.kind == "hinge"
     turns = hinge and np.ptp(position) > 2 * math.pi
     place, where_on = (np.mod(position, 2 * math.pi), "place on the revolution") if turns else (position, "place")
-    period, share = wave(position, residual)
+    waves = {k: wave(position, residual, f) for k, f in factors.items()}
+    factor = _loudest({k: share for k, (_, share) in waves.items()})
+    period, share = waves[factor]
     if share > _NOTABLE:
         every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
         lone = "" if hinge or len(runs) > 1 else ", which a second record to fit would hold to the place"
-        said.append(f"in waves over the place, one every {every} ({100 * share:.0f} %){lone}")
-    for x, what in ((place, f"tied to the {where_on}"), (velocity, "tied to velocity")):
-        share = _explained(x, residual)
-        if share > _NOTABLE:
-            said.append(f"{what} ({100 * share:.0f} %)")
+        said.append(f"in waves over the place{factor}, one every {every} ({100 * share:.0f} %){lone}")
+    tied = {k: _explained(place, residual, f) for k, f in factors.items()}
+    factor = _loudest({k: share for k, (_, share) in tied.items()})
+    there, share = tied[factor]
+    if share > _NOTABLE:
+        si = "rad" if hinge else "m"
+        part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {si}" if there else ""
+        said.append(f"tied to the {where_on}{factor} ({100 * share:.0f} %{part})")
+    _, share = _explained(velocity, residual, factors[""])
+    if share > _NOTABLE:
+        said.append(f"tied to velocity ({100 * share:.0f} %)")
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
     blind = float(np.sum(residual[~np.concatenate([x.determined for x, _ in runs])] ** 2)) / total
     forward, backward = velocity > 0, velocity < 0
@@ -129,7 +146,7 @@ def _of_servo(runs: Sequence[ServoObservation], parts: Sequence[Array]) -> str:
     stands(powered & ~slow & away, "while raising the payload")
     stands(powered & ~slow & ~away, "while lowering the payload")
     for x, what in ((position, "position"), (velocity, "velocity")):
-        share = _explained(x, error)
+        _, share = _explained(x, error, np.ones_like(error))
         if share > _NOTABLE:
             said.append(f"tied to {what} ({100 * share:.0f} %)")
     return ", ".join(said)
@@ -185,10 +202,26 @@ def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
     ]
 
 
-def _explained(x: Array, residual: Array, bins: int = 40) -> float:
-    """Share of the square that the mean over equally filled bins of x carries, beyond what chance gives."""
-    edges = np.quantile(x, np.linspace(0, 1, bins + 1)[1:-1])
-    group = np.searchsorted(edges, x)
-    count = np.bincount(group, minlength=bins)
-    mean = np.bincount(group, residual, minlength=bins) / np.maximum(count, 1)
-    return max(float((count * mean**2).sum() / (residual @ residual)) - bins / len(x), 0.0)
+def _loudest(shares: Mapping[str, float]) -> str:
+    """What has the largest share; the first where another is hardly larger."""
+    first, best = next(iter(shares)), max(shares, key=shares.__getitem__)
+    return best if shares[best] > shares[first] + _CLEARLY else first
+
+
+def _explained(
+    x: Array, residual: Array, factor: Array, bins: int = 40
+) -> tuple[tuple[float, float] | None, float]:
+    """Share of the square that a factor (m,) carries which has a value in each of equally filled bins of x, beyond what
+    chance gives; and from where to where most of that lies, None where that is not in a part of the bins."""
+    edges = np.quantile(x, np.linspace(0, 1, bins + 1))
+    group = np.searchsorted(edges[1:-1], x)
+    size = np.bincount(group, factor**2, bins)
+    carried = np.bincount(group, residual * factor, bins) ** 2 / np.where(size > 0, size, np.inf)
+    share = max(float(carried.sum() / (residual @ residual)) - bins / len(x), 0.0)
+    total = np.concatenate([[0.0], np.cumsum(carried)])
+    # The fewest bins side by side that carry most of it.
+    ends = np.searchsorted(total, total + _MOSTLY_THERE * total[-1])
+    width = np.where(ends <= bins, ends - np.arange(bins + 1), bins)
+    begin = int(np.argmin(width))
+    there = (float(edges[begin]), float(edges[ends[begin]])) if width[begin] < _PART * bins else None
+    return there, share

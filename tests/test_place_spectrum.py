@@ -49,12 +49,12 @@ def test_a_wave_is_found_with_its_period_and_share(seed: int, period: float, lou
     rng = np.random.default_rng(seed)
     place = np.cumsum(rng.uniform(0, 0.02, 4000)) - 7.0
     sine, noise = np.sqrt(2) * np.sin(2 * np.pi / period * place + seed), rng.standard_normal(4000)
-    found, share = wave(place, loud * sine + noise)
+    found, share = wave(place, loud * sine + noise, np.ones_like(place))
     assert found == pytest.approx(period, rel=0.5 * period / np.ptp(place))
     assert share == pytest.approx(loud**2 / (loud**2 + 1), abs=0.1)
 
 
 def test_noise_is_no_wave_and_nothing_is_none() -> None:
     place, noise = _series(0, ())
-    assert wave(place, noise)[1] < 0.01
-    assert wave(place, 0 * noise)[1] == 0 and wave(0 * place, noise)[1] == 0
+    assert wave(place, noise, np.ones_like(place))[1] < 0.01
+    assert wave(place, 0 * noise, noise)[1] == 0 and wave(0 * place, noise, noise)[1] == 0

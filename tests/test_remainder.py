@@ -84,6 +84,26 @@ def test_waves_over_the_place_are_said_with_their_length(kind: str, said: str) -
     assert any("a second record to fit" in _of(plant, [r]) for r in there) == (kind == "slide")
 
 
+def test_what_hangs_on_the_place_as_a_factor_is_said_with_what_it_multiplies(records: list[Record]) -> None:
+    """A torque constant that ripples with seven poles, and a greased zone of the revolution."""
+    ripple = [_with([r], 0.2 * r.torque * np.sin(7 * r.position), (0,))[0] for r in records]
+    said = _of(HEALTHY, ripple).split("in waves over the place as a factor on the torque, one every ")[1]
+    assert float(said.split(" rad, ")[1].split(" to a revolution")[0]) == pytest.approx(7, rel=0.05)
+    speeds = [np.gradient(r.position, SAMPLE_TIME) for r in records]
+    zones = [0.03 * LEVEL * v * (np.sin(r.position) > 0.8) for r, v in zip(records, speeds, strict=True)]
+    there = [_with([r], drag, (0,))[0] for r, drag in zip(records, zones, strict=True)]
+    assert "tied to the place on the revolution as a factor on the velocity" in _of(HEALTHY, there)
+
+
+def test_a_part_of_the_range_is_said_with_its_ends(records: list[Record]) -> None:
+    """A soft stop beyond the last tenth of the place."""
+    at = float(np.quantile(np.concatenate([r.position for r in records]), 0.9))
+    stops = [LEVEL * np.maximum(r.position - at, 0.0) for r in records]
+    said = _of(replace(HEALTHY, kind="slide"), [_with([r], x, (0,))[0] for r, x in zip(records, stops, strict=True)])
+    begin, end = said.split("most of it from ")[1].split(" m)")[0].split(" to ")
+    assert at < float(begin) < float(end) == pytest.approx(max(r.position.max() for r in records), rel=0.01)
+
+
 def test_velocity_is_said() -> None:
     said = _of(HEALTHY, runs(HEALTHY + effects.QuadraticDrag(coefficient=LEVEL / 30**2)))
     assert "tied to velocity" in said and "instant" not in said
