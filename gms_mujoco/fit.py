@@ -29,7 +29,7 @@ from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
-_HABITS = 3  # of a log that are asked for, one after the other: early, time steps, and what those take when
+_HABITS = 4  # of a log that are asked for, one after the other: early, earlier, time steps, what those take when
 # Of friction that responses alone are told by: what a fit to them begins anew with, each time from its end. The first
 # alone, or both at once, end in several minima that lie side by side.
 _ANEW = (("attraction",), ("attraction", "static"))

@@ -190,4 +190,4 @@ def _clock(misfit: Misfit, x: Array) -> str:
     by = f"{1e3 * abs(skew):.2g} ms ({abs(skew) / sample:.2f} samples)"
     if skew > 0:
         return f"Torques acted {by} after their rows say, as those do that are logged before they act: allowed for"
-    return f"Torques acted {by} before their rows say, as those do that are measured after they have acted: allowed for"
+    return f"Torques acted {by} before their rows say, as those do that are logged after they have acted: allowed for"

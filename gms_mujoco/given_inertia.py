@@ -48,9 +48,13 @@ def is_doubtful(search: Search, other: Search) -> bool:
             return True
     if search.at_floor:
         return False
+    much_less = floor + MUCH_LESS * max(least - floor, 0.0)
+    misfit, x = last.misfit.onto(free(last.plant), last.vector)
+    if left_of(misfit, refined(misfit, nudge(misfit, x))) < much_less:
+        return True
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
-    return other.within_reach() < floor + MUCH_LESS * max(least - floor, 0.0)
+    return other.within_reach() < much_less
 
 
 def _is_as_good(found: FitResult, search: Search) -> bool:

@@ -135,7 +135,8 @@ def _pressing(misfit: Misfit, x: Array) -> int:
     """-1 where torques would act earlier than their rows, if they might, 1 where ones that were read would later; 0."""
     sensed = any(isinstance(o, Observation) and o.record.sensed for o in misfit.observations)
     n, (lower, upper) = misfit.coordinates.size, misfit.bounds
-    if not misfit.n_skew or lower[n] == 0 or lower[n] < -misfit.most_skew:
+    may_be = any(o.may_be_earlier for o in misfit.observations if isinstance(o, Observation))
+    if not misfit.n_skew or lower[n] == 0 or not may_be:
         return 0
     if sensed and x[n] >= 0.99 * upper[n]:
         return 1

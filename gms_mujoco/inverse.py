@@ -51,8 +51,9 @@ _REST = 0.125  # of the same: the shortest rest of an axis that comes to rest at
 _SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
 _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
-_EARLY = 1.1  # samples that a torque may have acted before its row, where it is one measured after
-_READ = 0.6  # samples between the instants at which torque and position were read
+# Samples that a torque may have acted before its row: a command, one that was measured after, one that came late.
+_EARLY = (SKEW, 1.1, 5.1)
+_READ = (SKEW, 0.6, 5.1)  # samples between the instants at which torque and position were read
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
 
@@ -68,6 +69,12 @@ def read_mean(u: Array) -> Array:
     out = u.copy()
     out[1:-1] = (u[:-2] + 10 * u[1:-1] + u[2:]) / 12
     return out
+
+
+def moved(x: Array, rows: int) -> Array:
+    """What a series (n, ...) will be so many rows later, or was where that is less than 0."""
+    here = np.clip(np.arange(len(x)) + rows, 0, len(x) - 1)
+    return x[here] if rows else x
 
 
 def mean_torque(record: Record, torque: Array | None = None) -> Array:
@@ -104,15 +111,15 @@ class Observation:
         bandwidth: -6 dB frequency of the low-pass [Hz].
         cutoff: frequency up to which the position is kept as it is, being more motion than noise of the encoder [Hz];
             0: found from its spectrum.
-        early: whether the torque of a row may have acted at another instant than the record says: up to a sample
-            before, or of one that was read up to half a sample either way.
+        early: whether the torque of a row may have acted at another instant than the record says: 1 for up to a sample
+            before, or of one that was read up to half a sample either way, 2 for several.
         asked: (n,) 0 for samples of which nothing is asked, else 1; None: found from the record, see `at_rest`.
     """
 
     record: Record
     bandwidth: float
     cutoff: float = 0.0
-    early: bool = False
+    early: int = 0
     asked: Array | None = None
 
     has_memory = True  # what went before the first sample still acts
@@ -320,13 +327,16 @@ class Observation:
     @property
     def skews_within(self) -> tuple[float, float]:
         """By how many samples the clock of the torque may run ahead of that of the position, least and most."""
-        if not self.early:
-            return -SKEW, SKEW
-        return (-_READ, _READ) if self.record.sensed else (-_EARLY, SKEW)
+        return (-_READ[self.early], _READ[self.early]) if self.record.sensed else (-_EARLY[self.early], SKEW)
+
+    @property
+    def may_be_earlier(self) -> bool:
+        """Whether its torque may have acted at instants that are not allowed for yet."""
+        return self.early < len(_EARLY) - 1
 
     def acting_early(self) -> Observation:
-        """The same observation, whose torque may have acted at another instant."""
-        return replace(self, early=True, cutoff=self._cutoff)
+        """The same observation, whose torque may have acted at another instant, or at one that is further off."""
+        return replace(self, early=min(self.early + 1, len(_EARLY) - 1), cutoff=self._cutoff)
 
     def unsmoothed(self) -> Observation:
         """The same observation, whose position is taken as it stands."""
@@ -429,17 +439,20 @@ class Observation:
         """(m,) band-limited torque that the drive of `plant` delivered for the recorded command [N m].
 
         Args:
-            skew: by which the clock of the torque runs ahead of that of the position, at most about a sample [s].
+            skew: by which the clock of the torque runs ahead of that of the position [s].
         """
+        h = self.record.sample_time
+        whole = round(skew / h) if abs(skew) > _EARLY[1] * h else 0  # samples
+        skew -= whole * h
 
         def banded() -> tuple[Array, ...]:
-            return tuple(map(self.band, self._shifted(self._mean_torque(plant))))
+            return tuple(map(self.band, self._shifted(moved(self._mean_torque(plant), -whole))))
 
-        torque, rate, bend = kept(self._applied, plant.drive, banded)
+        torque, rate, bend = kept(self._applied, (plant.drive, whole), banded)
         return torque - skew * rate + skew**2 / 2 * bend if skew else torque
 
     @cached_property
-    def _applied(self) -> dict[tuple[Effect, ...], tuple[Array, ...]]:
+    def _applied(self) -> dict[tuple[tuple[Effect, ...], int], tuple[Array, ...]]:
         return {}
 
     # With both, a torque between samples lies on the parabola through three of them: exact for a skew of a sample.

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from . import native
 from .frf_observation import Seen
 from .grid import Grid
-from .inverse import FINE, Observation, delivered
+from .inverse import FINE, Observation, delivered, moved
 from .native import series
 from .plant import Plant
 
@@ -86,7 +86,7 @@ class TimeSteps(Observation):
         grid = grid or self.grid(plant, memories[0])
         rows = max(self._rows(joints[0]), key=abs)
         first = int(self.index[0]) - self._half + rows
-        asked = None if self._asked is None else _moved(self._asked, -rows)
+        asked = None if self._asked is None else moved(self._asked, -rows)
         band = series.Band(self._kernel, first, self.stride, len(self.index), asked=asked)
         known = [m for m in memories if m is not None]
         return self._path(plant, grid).changes(joints, known or None, band, effect, apart)
@@ -98,14 +98,14 @@ class TimeSteps(Observation):
         return super().replay(plant, memory)
 
     def _banded(self, grid: Grid, torque: Array) -> Array:
-        return self.band(_moved(torque, self.ahead[0]))  # of friction elements, the only ones that are asked for
+        return self.band(moved(torque, self.ahead[0]))  # of friction elements, the only ones that are asked for
 
     def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
         r, rows = self.record, self._rows(joint)
         signals = r.get("load"), r.get("temperature")
         parts = joint.replay(r.time, self.position, self.velocity, *signals, memory, parts=True).parts
         assert parts is not None
-        torque = sum((_moved(f, k) for f, k in zip(parts.T, rows, strict=True)), np.zeros(len(r)))
+        torque = sum((moved(f, k) for f, k in zip(parts.T, rows, strict=True)), np.zeros(len(r)))
         return torque, np.arange(len(r), dtype=float)
 
     def _rows(self, joint: native.Joint) -> list[int]:
@@ -118,16 +118,10 @@ class TimeSteps(Observation):
 
     def driven(self, plant: Plant) -> Array:
         """As for an `Observation`."""
-        return _moved(delivered(plant, self.record, FINE).reshape(-1, FINE).mean(1), self.late)
+        return moved(delivered(plant, self.record, FINE).reshape(-1, FINE).mean(1), self.late)
 
     def _mean_torque(self, plant: Plant) -> Array:
-        return self.driven(plant) if plant.drive else _moved(self.record.torque, self.late)
-
-
-def _moved(x: Array, rows: int) -> Array:
-    """What a series (n, ...) will be so many rows later, or was where that is less than 0."""
-    here = np.clip(np.arange(len(x)) + rows, 0, len(x) - 1)
-    return x[here] if rows else x
+        return self.driven(plant) if plant.drive else moved(self.record.torque, self.late)
 
 
 def in_steps(seen: Sequence[Seen], late: int, ahead: tuple[int, int]) -> list[Seen]:

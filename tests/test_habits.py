@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, J, runs, slow
+from bench import HEALTHY, LEVEL, REGIMES, SAMPLE_TIME, J, runs, slow
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -54,6 +54,18 @@ def test_torques_measured_after_they_acted_are_none_either() -> None:
     late = [replace(r, signals={**r.signals, "torque": np.append(r.torque[:1], r.torque[:-1])}) for r in runs(HEALTHY)]
     found = fit(Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous(), late)
     assert steps_of(found.misfit.observations) is None and "before their rows" in found.habit
+
+
+@pytest.mark.parametrize("rows", [2, 3, 5])
+def test_torques_that_came_late_over_a_bus_are_taken_when_they_acted(rows: int) -> None:
+    def late(r: Record) -> Record:
+        return replace(r, signals={**r.signals, "torque": np.append(np.full(rows, r.torque[0]), r.torque[:-rows])})
+
+    plant = Plant.axis(J) + effects.GMS(elements=2) + effects.Viscous()
+    then, found = fit(plant, runs(HEALTHY)), fit(plant, [late(r) for r in runs(HEALTHY)])
+    assert found.plant.provenance["clock_skew"] == pytest.approx(-rows * SAMPLE_TIME, abs=0.1 * SAMPLE_TIME)
+    assert f"({rows:.2f} samples) before their rows say" in found.habit
+    assert found.error < 1.2 * then.error
 
 
 def test_friction_that_does_not_bend_holds_whatever_it_has_to_and_stops_the_axis_in_a_step() -> None:
