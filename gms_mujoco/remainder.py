@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .frf_observation import FrfObservation
 from .inverse import Observation, mean_torque
 from .misfit import Misfit
+from .plant import Plant
 from .place_spectrum import wave
 from .servo_observation import ServoObservation, errors_of
 
@@ -24,6 +25,7 @@ _FAST = np.array([-0.5, 1.0, -0.5])  # what neighbours do not tell
 _FOLLOWS, _MOSTLY = 0.2, 0.4  # of the torque; of the square
 _CLEARLY = 0.1  # of the square: what hangs on a factor carries so much more than what does not
 _MOSTLY_THERE, _PART = 0.8, 0.3  # of what is tied to the place, in less than so much of the samples
+_PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
@@ -108,7 +110,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
             said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
     if blind > _NOTABLE:
         said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
-    said += _course(runs, total) + _hiss(runs)
+    said += _course(runs, total) + _apart(runs, plant) + _hiss(runs)
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
@@ -173,12 +175,47 @@ def _course(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str
         best = max(best, (float(share[at]), float(o.time[at]), o.record.name))
     if best[0] > _NOTABLE:
         said.append(f"a jump at {best[1]:.3g} s in {best[2]} ({100 * best[0]:.0f} %)")
+    parts = [np.array_split(r - r.mean(), _PARTS) for _, r in runs if len(r) > _PARTS]
+    wandering = sum(len(p) * float(p.mean()) ** 2 for of_record in parts for p in of_record) / total
+    if wandering > max(_NOTABLE, best[0]):
+        said.append(f"as by an offset of the torque that wanders in the course of a record ({100 * wandering:.0f} %)")
     thirds = np.array([[float(p @ p) for p in np.array_split(r, 3)] for _, r in runs if len(r) > 2]).sum(0)
     if thirds[2] > 3 * thirds[0] and thirds[2] > thirds[1]:
         said.append("growing with time")
     elif thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
         said.append("fading with time")
     return said
+
+
+def _apart(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[str]:
+    """What seems to be another in each record: a payload, a temperature, a sensor's zero that nobody wrote down."""
+    torque = [o.applied(plant) for o, _ in runs]
+    moved = [plant.inertia * o.acceleration for o, _ in runs]
+    rubbed = [u - a - r for u, a, (_, r) in zip(torque, moved, runs, strict=True)]
+    shapes = {
+        "an inertia": moved,
+        "friction": rubbed,
+        "a torque constant": torque,
+        "an offset of the torque": [np.ones(len(r)) for _, r in runs],
+    }
+    if len(runs) < 2:
+        return []
+    left = [r for _, r in runs]
+    total = sum(float(r @ r) for r in left)
+    found = []
+    for what, shape in shapes.items():
+        with_it = np.array([float(r @ c) for r, c in zip(left, shape, strict=True)])
+        square = np.array([max(float(c @ c), 1e-300) for c in shape])
+        size, common = with_it / square, with_it.sum() / square.sum()
+        apart, share = (float(np.sum(a**2 * square)) / total for a in (size - common, size))
+        found.append((apart, share, what, size))
+    apart, share, what, size = max(found, key=lambda f: f[0])
+    if apart < _NOTABLE:
+        return []
+    k = int(np.argmax(np.abs(size)))
+    unit = "N m" if plant.kind == "hinge" else "N"
+    by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
+    return [f"as by {what} that is another in each record ({100 * share:.0f} %; {by} in {runs[k][0].record.name})"]
 
 
 def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:

@@ -137,6 +137,26 @@ def test_a_jump_is_said_with_its_time_and_record(records: list[Record]) -> None:
     assert at == pytest.approx(1.1, abs=0.02)
 
 
+def test_what_is_another_in_one_record_is_said_with_how_much(records: list[Record]) -> None:
+    """A payload, a temperature and a sensor's zero that nobody wrote down."""
+    loaded = [*runs(replace(HEALTHY, inertia=1.3 * J))[:1], *records[1:]]
+    assert "as by an inertia that is another in each record" in (said := _of(HEALTHY, loaded))
+    assert said.split("; ")[1].split(" in fit_0")[0] in ("+29 %", "+30 %", "+31 %")
+    gms = HEALTHY["gms"]
+    stronger = HEALTHY.replace(gms.replace(coulomb=1.2 * gms.values["coulomb"], static=1.2 * gms.values["static"]))
+    said = _of(HEALTHY, [*records[:2], *runs(stronger)[2:]])
+    assert "as by friction that is another in each record" in said and said.endswith(" in fit_2)")
+    said = _of(HEALTHY, _with(records, np.full(len(T), 0.2 * LEVEL), which=(1,)))
+    assert f"an offset of the torque that is another in each record (100 %; {0.2 * LEVEL:+.2g} N m in fit_1)" in said
+    assert "another in each record" not in _of(HEALTHY, _with(records, np.full(len(T), 0.2 * LEVEL)))
+
+
+def test_an_offset_that_wanders_is_said(records: list[Record]) -> None:
+    said = _of(HEALTHY, _with(records, 0.2 * LEVEL * np.sin(2 * np.pi * T / T[-1])))
+    assert "as by an offset of the torque that wanders in the course of a record" in said
+    assert "wanders" not in _of(HEALTHY, _with(records, np.full(len(T), 0.2 * LEVEL), which=(1,)))
+
+
 @pytest.mark.parametrize("later, said", [(True, "growing with time"), (False, "fading with time")])
 def test_growth_with_time_is_said(records: list[Record], later: bool, said: str) -> None:
     size = T / T[-1] if later else 1 - T / T[-1]
