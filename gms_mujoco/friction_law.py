@@ -79,19 +79,25 @@ class FrictionLaw:
         out._search, out._taken = search, set(self._taken)
         return out
 
-    def better(self) -> Trial | None:
+    @property
+    def has_room(self) -> bool:
+        """Whether noise leaves enough of what the plant leaves for another law to be worth it."""
+        now = self._search.steps[-1].result
+        return takes(left_of(now.misfit, now.vector), floor_of(now), 0.0)
+
+    def better(self, asked: bool = False) -> Trial | None:
         """The best of the other laws that earns its place beside what was found so far; None where the own one stays.
 
-        None is tried where noise leaves too little for any to be worth it. At the floor already, whose tolerance has
-        room for a wrong law that a stiff contact hides, another has to take as much of everything as an effect there.
-        In the place of one that has come out as no bearing is, any does that leaves no more with fewer unknowns.
+        None is tried where noise leaves too little for any to be worth it, unless it is `asked` for. At the floor
+        already, whose tolerance has room for a wrong law that a stiff contact hides, another has to take as much of
+        everything as an effect there. In the place of one that has come out as no bearing is, any does that leaves no
+        more with fewer unknowns.
         """
         search, earned = self._search, []
         now = search.steps[-1].result
         least = left_of(now.misfit, now.vector)
         strays = _strays(now.plant)
-        room = strays or takes(least, floor_of(now), 0.0)
-        for law in self._laws if room else ():
+        for law in self._laws if asked or strays or self.has_room else ():
             if law.name in now.plant or law.name in self._taken:
                 continue
             most = _NEAR * now.misfit.cost(now.vector)
@@ -111,6 +117,15 @@ class FrictionLaw:
             if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
                 earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
         return min(earned, key=lambda t: t.held_out.total, default=None)
+
+    def instead(self, steps: list[Step]) -> Trial | None:
+        """The best of the other laws that earns its place at the end of other steps, however little noise leaves."""
+        search = self._search
+        kept, search.steps = search.steps, steps
+        try:
+            return self.better(asked=True)
+        finally:
+            search.steps = kept
 
     def take(self, trial: Trial) -> None:
         """Begins the search anew with another law: what was found beside the wrong one is looked for again."""

@@ -37,8 +37,12 @@ def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: i
         if law is not None and law.clear:
             friction.take(law)
             continue
+        had_room, before = friction.has_room, list(search.steps)
         if len(search.steps) <= most and search.add_one(part(report, k / MOST_ROUNDS, (k + 1) / MOST_ROUNDS)):
+            if not had_room:  # an effect has shown that less can be left than noise was thought to leave
+                law = friction.instead(before)
             if law is not None and law.held_out.total < search.held_out.total:
+                search.steps = before
                 friction.take(law)
             else:
                 exchange(search)

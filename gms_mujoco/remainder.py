@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 from .frf_observation import FrfObservation
 from .inverse import Observation, mean_torque
 from .misfit import Misfit
-from .plant import Plant
 from .place_spectrum import wave
+from .plant import Plant
 from .servo_observation import ServoObservation, errors_of
 
 Array = NDArray[np.float64]
+Reading = tuple[float, str]  # the share of the square that it carries, and what is said of it
 
 _NOTABLE = 0.25  # of the squared residual
 _DENSER = 3  # odds of the squared residual over odds of the time
 _CROWDED = 1.5  # the same for runs of a servo, whose errors stay
 _FAST = np.array([-0.5, 1.0, -0.5])  # what neighbours do not tell
 _FOLLOWS, _MOSTLY = 0.2, 0.4  # of the torque; of the square
-_CLEARLY = 0.1  # of the square: what hangs on a factor carries so much more than what does not
+_CLEARLY, _HARDLY = 0.1, 0.03  # of the square: what hangs on a factor carries so much more than what does not
+_BESIDE = 0.5  # of the share of the loudest of several readings: less is its shadow
 _MOSTLY_THERE, _PART = 0.8, 0.3  # of what is tied to the place, in less than so much of the samples
 _PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
@@ -57,44 +59,29 @@ def describe(misfit: Misfit, vector: Array) -> str:
     o, r = observations[worst], parts[worst]
     if isinstance(o, FrfObservation):
         return ", ".join([*said, _where(o, r)])
-    f, power = scipy.signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
-    first = min(_FEWEST_PERIODS, len(power) - 1)
-    peak = int(np.argmax(power[first:])) + first
-    line = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())
-    if line > _NOTABLE:
-        said.append(f"periodic in time at {f[peak]:.3g} Hz ({100 * line:.0f} %)")
-
     runs = [(o, p) for o, p in zip(observations, parts, strict=True) if isinstance(o, Observation)]
     position = np.concatenate([o.position[o.index] for o, _ in runs])
     velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
     residual = np.concatenate([p for _, p in runs])
-    driven = np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs])
     factors = {
         "": np.ones_like(residual),
-        " as a factor on the torque": driven,
-        " as a factor on the velocity": velocity,
         " as a factor on friction": np.sign(velocity),
+        " as a factor on the velocity": velocity,
+        " as a factor on the square of the velocity": velocity**2,
+        " as a factor on the torque": np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs]),
     }
-    hinge = plant.kind == "hinge"
-    turns = hinge and np.ptp(position) > 2 * math.pi
-    place, where_on = (np.mod(position, 2 * math.pi), "place on the revolution") if turns else (position, "place")
-    waves = {k: wave(position, residual, f) for k, f in factors.items()}
-    factor = _loudest({k: share for k, (_, share) in waves.items()})
-    period, share = waves[factor]
-    if share > _NOTABLE:
-        every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
-        lone = "" if hinge or len(runs) > 1 else ", which a second record to fit would hold to the place"
-        said.append(f"in waves over the place{factor}, one every {every} ({100 * share:.0f} %){lone}")
-    tied = {k: _explained(place, residual, f) for k, f in factors.items()}
-    factor = _loudest({k: share for k, (_, share) in tied.items()})
-    there, share = tied[factor]
-    if share > _NOTABLE:
-        si = "rad" if hinge else "m"
-        part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {si}" if there else ""
-        said.append(f"tied to the {where_on}{factor} ({100 * share:.0f} %{part})")
-    _, share = _explained(velocity, residual, factors[""])
-    if share > _NOTABLE:
-        said.append(f"tied to velocity ({100 * share:.0f} %)")
+    alone = len(runs) == 1
+    readings = [
+        _periodic(o, r),
+        _in_waves(position, residual, factors, plant.kind, alone),
+        _tied(position, residual, factors, plant.kind),
+        (share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})"),
+        _jump(runs, total),
+        _wandering(runs, total),
+        _apart(runs, total, plant),
+    ]
+    least = max(_NOTABLE, _BESIDE * max(share for share, _ in readings))
+    said += [text for share, text in readings if share > least]
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
     blind = float(np.sum(residual[~np.concatenate([x.determined for x, _ in runs])] ** 2)) / total
     forward, backward = velocity > 0, velocity < 0
@@ -110,7 +97,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
             said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
     if blind > _NOTABLE:
         said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
-    said += _course(runs, total) + _apart(runs, plant) + _hiss(runs)
+    said += _course(runs) + _hiss(runs)
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
@@ -162,60 +149,101 @@ def _where(o: FrfObservation, rows: Array) -> str:
     return f"in {o.name} from {low:.3g} to {high:.3g} Hz (80 %)"
 
 
-def _course(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str]:
-    """What the residual does in the course of a record: it jumps once, grows or fades."""
-    said = []
-    best = (0.0, 0.0, "")
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _periodic(o: Observation, r: Array) -> Reading:
+    """That the residual of a record is a line in time."""
+    f, power = scipy.signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
+    first = min(_FEWEST_PERIODS, len(power) - 1)
+    peak = int(np.argmax(power[first:])) + first
+    share = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())
+    return share, f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})"
+
+
+def _in_waves(
+    position: Array, residual: Array, factors: Mapping[str, Array], kind: str, alone: bool
+) -> Reading:
+    """That it is a sine over the place, by itself or as a factor (m,) on something."""
+    waves = {k: wave(position, residual, f) for k, f in factors.items()}
+    factor = _loudest({k: share for k, (_, share) in waves.items()})
+    period, share = waves[factor]
+    hinge = kind == "hinge"
+    every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
+    lone = ", which a second record to fit would hold to the place" if alone and not hinge else ""
+    return share, f"in waves over the place{factor}, one every {every} ({_percent(share)}){lone}"
+
+
+def _tied(position: Array, residual: Array, factors: Mapping[str, Array], kind: str) -> Reading:
+    """That it has a value at each place, by itself or as a factor (m,) on something."""
+    turns = kind == "hinge" and np.ptp(position) > 2 * math.pi
+    place, what = (np.mod(position, 2 * math.pi), "place on the revolution") if turns else (position, "place")
+    tied = {k: _explained(place, residual, f) for k, f in factors.items()}
+    factor = _loudest({k: share for k, (_, share) in tied.items()})
+    there, share = tied[factor]
+    unit = "rad" if kind == "hinge" else "m"
+    part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {unit}" if there else ""
+    return share, f"tied to the {what}{factor} ({_percent(share)}{part})"
+
+
+def _jump(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
+    """That it is another from an instant on."""
+    most, when, name = 0.0, 0.0, ""
     for o, r in runs:
         n = np.arange(1, len(r))
         early, late = np.cumsum(r)[:-1] / n, np.cumsum(r[::-1])[::-1][1:] / n[::-1]
         share = (late - early) ** 2 * n * n[::-1] / len(r) / total  # of the square, that the two means carry
         inner = slice(len(n) // 10, len(n) - len(n) // 10)
         at = int(np.argmax(share[inner])) + inner.start
-        best = max(best, (float(share[at]), float(o.time[at]), o.record.name))
-    if best[0] > _NOTABLE:
-        said.append(f"a jump at {best[1]:.3g} s in {best[2]} ({100 * best[0]:.0f} %)")
-    parts = [np.array_split(r - r.mean(), _PARTS) for _, r in runs if len(r) > _PARTS]
-    wandering = sum(len(p) * float(p.mean()) ** 2 for of_record in parts for p in of_record) / total
-    if wandering > max(_NOTABLE, best[0]):
-        said.append(f"as by an offset of the torque that wanders in the course of a record ({100 * wandering:.0f} %)")
+        most, when, name = max((most, when, name), (float(share[at]), float(o.time[at]), o.record.name))
+    return most, f"a jump at {when:.3g} s in {name} ({_percent(most)})"
+
+
+def _wandering(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
+    """That it changes slowly in the course of each record, about its mean, and does not jump."""
+    parts = [p for _, r in runs if len(r) > _PARTS for p in np.array_split(r - r.mean(), _PARTS)]
+    share = sum(len(p) * float(p.mean()) ** 2 for p in parts) / total
+    if share <= _jump(runs, total)[0]:
+        return 0.0, ""
+    return share, f"as by an offset of the torque that wanders in the course of a record ({_percent(share)})"
+
+
+def _course(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
+    """That the residual grows or fades in the course of a record."""
     thirds = np.array([[float(p @ p) for p in np.array_split(r, 3)] for _, r in runs if len(r) > 2]).sum(0)
     if thirds[2] > 3 * thirds[0] and thirds[2] > thirds[1]:
-        said.append("growing with time")
-    elif thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
-        said.append("fading with time")
-    return said
+        return ["growing with time"]
+    if thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
+        return ["fading with time"]
+    return []
 
 
-def _apart(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[str]:
+def _apart(runs: Sequence[tuple[Observation, Array]], total: float, plant: Plant) -> Reading:
     """What seems to be another in each record: a payload, a temperature, a sensor's zero that nobody wrote down."""
     torque = [o.applied(plant) for o, _ in runs]
-    moved = [plant.inertia * o.acceleration for o, _ in runs]
-    rubbed = [u - a - r for u, a, (_, r) in zip(torque, moved, runs, strict=True)]
+    moved = [(plant.inertia or 0.0) * o.acceleration for o, _ in runs]
     shapes = {
         "an inertia": moved,
-        "friction": rubbed,
+        "friction": [u - a - r for u, a, (_, r) in zip(torque, moved, runs, strict=True)],
         "a torque constant": torque,
         "an offset of the torque": [np.ones(len(r)) for _, r in runs],
     }
-    if len(runs) < 2:
-        return []
-    left = [r for _, r in runs]
-    total = sum(float(r @ r) for r in left)
     found = []
     for what, shape in shapes.items():
-        with_it = np.array([float(r @ c) for r, c in zip(left, shape, strict=True)])
+        with_it = np.array([float(r @ c) for (_, r), c in zip(runs, shape, strict=True)])
         square = np.array([max(float(c @ c), 1e-300) for c in shape])
         size, common = with_it / square, with_it.sum() / square.sum()
         apart, share = (float(np.sum(a**2 * square)) / total for a in (size - common, size))
         found.append((apart, share, what, size))
     apart, share, what, size = max(found, key=lambda f: f[0])
-    if apart < _NOTABLE:
-        return []
+    if apart < _NOTABLE:  # it is the same in all
+        return 0.0, ""
     k = int(np.argmax(np.abs(size)))
     unit = "N m" if plant.kind == "hinge" else "N"
     by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
-    return [f"as by {what} that is another in each record ({100 * share:.0f} %; {by} in {runs[k][0].record.name})"]
+    name = runs[k][0].record.name
+    return share, f"as by {what} that is another in each record ({_percent(share)}; {by} in {name})"
 
 
 def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
@@ -240,9 +268,11 @@ def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
 
 
 def _loudest(shares: Mapping[str, float]) -> str:
-    """What has the largest share; the first where another is hardly larger."""
-    first, best = next(iter(shares)), max(shares, key=shares.__getitem__)
-    return best if shares[best] > shares[first] + _CLEARLY else first
+    """What has the largest share; the first of those that have hardly less."""
+    most, (first, *others) = max(shares.values()), shares
+    if shares[first] > most - _CLEARLY:
+        return first
+    return next(k for k in others if shares[k] > most - _HARDLY)
 
 
 def _explained(
