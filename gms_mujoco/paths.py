@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from .friction_law import FrictionLaw
 from .judgement import Trial, leaves_much_less, simplest
 from .progress import Progress, part, silent
-from .recheck import drop_false, drop_late, drop_series, exchange
+from .recheck import drop_false, drop_late, drop_ripple, drop_series, exchange
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
@@ -27,7 +27,7 @@ def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
     _to_its_end(search, friction, part(report, 0.22, 0.82))
     if not search.at_floor and not search.quick:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
-    return friction.said, drop_late(search) or drop_series(search)
+    return friction.said, drop_late(search) or drop_series(search) or drop_ripple(search)
 
 
 def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS) -> None:

@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
 from scipy import signal
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import result_of
 from gms_mujoco.judgement import Trial, carries
 from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.recheck import drop_last, exchange
+from gms_mujoco.recheck import drop_last, drop_ripple, exchange, undoing
 from gms_mujoco.record import Record
 from gms_mujoco.search import Search, Step
 
@@ -45,6 +47,46 @@ def test_a_torque_that_follows_the_place_late_gets_no_name_but_is_told() -> None
     assert "follows harmonic 6 of the place" in d.remainder
 
 
+@pytest.mark.parametrize("ripples", [True, False])
+def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that_does(ripples: bool) -> None:
+    uneven = effects.PositionDependentFriction(harmonics=[6], amplitude=[0.3], phase=[0.4])
+
+    def rippling(r: Record) -> Record:
+        return replace(r, signals={**r.signals, "torque": r.torque / (1 + 0.12 * np.sin(6 * r.position + 0.4))})
+
+    data = list(map(rippling, runs(HEALTHY))) if ripples else runs(HEALTHY + uneven)
+    name = uneven.name
+    search = Search(observe(data, J), [], UNKNOWN)
+    for effect, plant in ((None, UNKNOWN), (name, UNKNOWN + uneven)):
+        result = fit_observations(plant, search.seen)
+        search.steps.append(Step(effect, result, held_out=cross_validated(result.misfit, result.vector)))
+    said = drop_ripple(search)
+    assert [s.effect for s in search.steps] == ([None] if ripples else [None, name])
+    assert ("a torque constant that ripples with harmonic 6 of the place, by 12 %" in said) == ripples
+    assert [t.name for t in search.rejected] == ([name] if ripples else [])
+
+
+@pytest.mark.parametrize("phase", [0.0, np.pi])
+def test_effects_of_the_place_that_undo_each_other_are_a_series(phase: float) -> None:
+    """A slope and a sine of the revolution, all but the same over a tenth of it, and a harmonic of that."""
+    near = [r for r in runs(HEALTHY) if np.ptp(r.position) < 1]
+    data = [replace(r, signals={**r.signals, "position": r.position - np.mean(r.position)}) for r in near]
+    parts = (
+        effects.Spring(stiffness=20 * LEVEL, preload=0.0),
+        effects.Gravity(amplitude=20 * LEVEL, phase=phase),
+        effects.Cogging(harmonics=[2], amplitude=[LEVEL], phase=[0.0]),
+    )
+    seen = observe(data, J)
+    search, plant = Search(seen, [], UNKNOWN), HEALTHY
+    for effect in (None, *parts):
+        plant = plant + effect if effect else plant
+        misfit = Misfit(plant, seen)
+        search.steps.append(Step(effect.name if effect else None, result_of(misfit, misfit.vector(plant))))
+    names, times = undoing(search)
+    assert set(names) == (set() if phase else {"spring", "gravity", "cogging"})
+    assert phase or times > 3
+
+
 def test_a_torque_reading_that_rings_is_no_coupling_but_is_told() -> None:
     def ringing(r: Record) -> np.ndarray:
         omega, zeta, h = 2 * np.pi * 30, 0.1, SAMPLE_TIME
@@ -58,8 +100,7 @@ def test_a_torque_reading_that_rings_is_no_coupling_but_is_told() -> None:
 
 
 def test_an_effect_that_leaves_no_less_at_the_end_of_its_fit_is_taken_away() -> None:
-    runs = dataset(HEALTHY + HIDDEN["gravity"])
-    search = Search(observe(runs.fit, runs.inertia), [], UNKNOWN)
+    search = Search(observe(runs(HEALTHY + HIDDEN["gravity"]), J), [], UNKNOWN)
     search.first(quiet)
     before = search.steps[0].result
     after = fit_observations(before.plant + HIDDEN["gravity"], search.seen)
