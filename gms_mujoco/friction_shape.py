@@ -26,7 +26,7 @@ from .starts import weakened
 
 Array = NDArray[np.float64]
 
-SHAPE = ("stribeck_exponent", "slips_back")  # parameters of a law that no fit frees unasked
+SHAPE = ("stribeck_exponent", "slips_back", "damping_velocity")  # parameters of a law that no fit frees unasked
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
@@ -71,6 +71,27 @@ def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
         return None
     x = refined(misfit, x)
     return misfit.onto(misfit.plant(x), x)
+
+
+def fading_damping(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with a bristle whose damping fades as it slides, where that takes a good part of what is left; else the
+    same.
+
+    Args:
+        now, left: the fit, and what it leaves on held-out blocks.
+    """
+    if "lugre" not in now.plant or now.plant["lugre"].damping_velocity or at_floor(now, left, _NEARLY_NOISE):
+        return now, left
+    law, usual = now.plant["lugre"], Scales.of(now.misfit.observations)["rad/s"]
+    before, floor = left_of(now.misfit, now.vector), floor_of(now)
+    for velocity in (float(np.asarray(law.stribeck_velocity)), 0.1 * usual):
+        misfit, x = now.misfit.onto(now.plant.replace(law.replace(damping_velocity=velocity)), now.vector)
+        x = nudge(misfit, x, _STEPS, now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
+        if takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2):
+            now, left = _better(now, left, fit_to_end(misfit, x), LEAST_SHARE)
+        if now.plant["lugre"].damping_velocity:
+            break
+    return now, left
 
 
 def straightened(now: FitResult) -> Plant | None:

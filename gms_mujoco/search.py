@@ -19,7 +19,16 @@ from .effect import Effect
 from .fit import fit_as_logged
 from .fit_result import FitResult
 from .frf_observation import Seen
-from .friction_shape import SHAPE, by_the_letter, following, more_elements, other_curve, straightened, without_idle
+from .friction_shape import (
+    SHAPE,
+    by_the_letter,
+    fading_damping,
+    following,
+    more_elements,
+    other_curve,
+    straightened,
+    without_idle,
+)
 from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
@@ -487,7 +496,7 @@ class Search:
         last = self.steps[-1]
         if not self.timed:
             return False
-        read, left = by_the_letter(last.result, last.held_out)
+        read, left = fading_damping(*by_the_letter(last.result, last.held_out))
         bent, best = other_curve(read, left)
         self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
         result, held_out = (read, left) if self.waits else more_elements(bent, best)
