@@ -5,11 +5,14 @@ import pytest
 from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 
 from gms_mujoco import effects
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_as_logged
-from gms_mujoco.friction_shape import by_the_letter, following, other_curve, with_exponents
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.friction_shape import by_the_letter, fading_damping, following, other_curve, with_exponents
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
+from gms_mujoco.plant import Plant
 from gms_mujoco.refine import finished, fit_to_end, refine
 from gms_mujoco.screen import Screen
 
@@ -68,3 +71,23 @@ def test_a_log_made_by_the_letter_of_the_switching_law_is_fitted_by_it() -> None
     assert left.total < 0.3 * before.misfit.cost(before.vector)
     healthy = fitted_sticking(HEALTHY.replace(law), 3)
     assert by_the_letter(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy
+
+
+def test_a_bristle_whose_damping_fades_is_found_to_where_it_does() -> None:
+    law = effects.LuGre(
+        stiffness=2.0, damping=3e-3, coulomb=LEVEL, static=1.4 * LEVEL, stribeck_velocity=1.0, damping_velocity=0.8
+    )
+    stays = law.replace(damping=1e-3, damping_velocity=0.0)
+
+    def fitted(true: Effect) -> FitResult:
+        plant = Plant.axis(J) + effects.LuGre() + effects.Viscous()
+        return fit_as_logged(plant, observe(runs(Plant.axis(J) + true + effects.Viscous(coefficient=2e-5)), J))
+
+    before = fitted(law)
+    found, left = fading_damping(before, cross_validated(before.misfit, before.vector))
+    assert found.error < 0.7 * before.error and found.error < 1.1 * found.floor
+    assert found.plant["lugre"].damping_velocity == pytest.approx(0.8, rel=0.1)
+    assert found.plant["lugre"].damping == pytest.approx(3e-3, rel=0.1)
+    assert fading_damping(found, left)[0] is found
+    healthy = fitted(stays)
+    assert fading_damping(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy
