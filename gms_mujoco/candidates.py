@@ -37,11 +37,14 @@ _MOST_HIDDEN = 0.8  # of the inertia
 def _laws_aside(plant: Plant) -> tuple[str, ...]:
     """Laws of friction that are no candidates beside those of a plant.
 
-    `gms` and `lugre` are general forms: beside them the others have nothing of their own to add. These two are no small
-    change of anything else, nor is `frictionloss`, and a plant without them was chosen so.
+    `gms` and `lugre` are general forms: beside them the others have nothing of their own to add, nor beside a
+    `stribeck` that creeps, which takes the place of these where it describes more. The first two are no small change of
+    anything else, nor is `frictionloss`, and a plant without them was chosen so.
     """
     general = ("gms", "lugre", "frictionloss")
-    return (*general, "coulomb", "stribeck", "dahl") if any(name in plant for name in general) else general
+    creeps = "stribeck" in plant and bool(plant["stribeck"].creep_velocity)
+    whole = creeps or any(name in plant for name in general)
+    return (*general, "coulomb", "stribeck", "dahl") if whole else general
 
 
 # Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what

@@ -68,7 +68,7 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
 
 @pytest.mark.parametrize("phase", [0.0, np.pi])
 def test_effects_of_the_place_that_undo_each_other_are_a_series(phase: float) -> None:
-    """A slope and a sine of the revolution, all but the same over a tenth of it, and a harmonic; not where they add up."""
+    """A slope and a sine of the revolution, all but the same over a tenth of it, and a harmonic; or all one way."""
     near = [r for r in runs(HEALTHY) if np.ptp(r.position) < 1]
     data = [replace(r, signals={**r.signals, "position": r.position - np.mean(r.position)}) for r in near]
     parts = (
