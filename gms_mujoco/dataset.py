@@ -153,6 +153,8 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if axis.robot and records:
             records, on_robot = axis.robot.on(records, others)
             notes += on_robot
+        records, failed = plausible.answered(records, axis.inertia)
+        notes += failed
         records, split = _split(records, uses) if records else ([], "")
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)

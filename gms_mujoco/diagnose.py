@@ -77,6 +77,7 @@ class Diagnosis:
         next_experiment: what to measure next, None where there is nothing to settle.
         notes: a sentence on how the records were logged, where that matters, one on single moments that nothing
             explains, and one on each candidate of the user's.
+        data: what the records are for, and what was done to them or may be wrong with them, as `load` says it.
     """
 
     verdict: str
@@ -86,6 +87,7 @@ class Diagnosis:
     remainder: str = ""
     next_experiment: str | None = None
     notes: tuple[str, ...] = ()
+    data: tuple[str, ...] = ()
 
     @property
     def baseline(self) -> Plant:
@@ -137,6 +139,7 @@ class Diagnosis:
             ],
             "remainder": self.remainder or None,
             "notes": list(self.notes),
+            "data": list(self.data),
             "next_experiment": self.next_experiment,
         }
 
@@ -278,6 +281,7 @@ def diagnose(
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, moments, said)
+    found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)

@@ -10,6 +10,7 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .paths import best
 from .plant import Plant
+from .plausible import hint
 from .progress import silent
 from .refine import fit_to_end, refined
 from .search import Search
@@ -80,6 +81,6 @@ def corrected(search: Search, other: Search) -> str:
     beside = f" with {more} effect{'s' * (more > 1)} more that would stand for the difference" if fewer else ""
     return (
         f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "
-        f"{given / found:.4g} times the torque: with that the {after.score.name} is {told(after.error)}, else "
-        f"{told(before.error)}{beside}"
+        f"{given / found:.4g} times the torque{hint(given / found)}: with that the {after.score.name} is "
+        f"{told(after.error)}, else {told(before.error)}{beside}"
     )

@@ -67,9 +67,9 @@ def unbent(found: FitResult) -> tuple[FitResult, str]:
     provenance = {**calm.plant.provenance, **there.plant.provenance}
     more = f" and {len(when) - _NAMED} times more" if len(when) > _NAMED else ""
     said = (
-        f"from single moments on, at {', '.join(when[:_NAMED])}{more}, where friction goes another way than "
-        f"its law until it has slipped again; between them, where the plant was fitted, {100 * calm.error:.2g} % is "
-        f"left, with a noise floor of {100 * calm.floor:.2g} %"
+        f"from single moments on, at {', '.join(when[:_NAMED])}{more}, where something pushed, or friction goes "
+        "another way than its law until it has slipped again; between them, where the plant was fitted, "
+        f"{100 * calm.error:.2g} % is left, with a noise floor of {100 * calm.floor:.2g} %"
     )
     return replace(there, plant=replace(calm.plant, provenance=provenance)), said
 

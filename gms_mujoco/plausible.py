@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,6 +16,7 @@ from .errors import DataError
 from .inverse import Observation
 from .plant import Plant
 from .record import Record
+from .slow_signal import Readings
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,14 @@ _OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
 _MOST = 0.9  # of the samples in which an axis moves
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
-_OFF = 5.0  # times an inertia: more than a wrong guess
+_OFF, _ABSURD = 5.0, 1e3  # times an inertia: more than a wrong guess, and more than there can be anything in
+_AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
+_AT_END, _MOST_AT_END = 0.003, 0.2  # of the rows, at which a torque stands at its largest, that say anything
+_FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell how fast an axis is beside it
+_RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
+_BEYOND = 2.0  # times the largest torque of the other rows
+_SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
+_MANY_LEVELS = 50  # of a torque: of fewer it is a command in steps
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
 _CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
@@ -161,6 +170,88 @@ def _end(position: Array) -> tuple[float, float]:
     return float(value), float(slope)
 
 
+def answered(records: Sequence[Record], inertia: float | None) -> tuple[list[Record], list[str]]:
+    """Records without torques of a few rows that the axis does not answer, and a sentence on each that had some.
+
+    A frame that is lost reads zero, or anything. A torque that did act for so long moves the axis on at another speed,
+    by its impulse over the inertia.
+
+    Args:
+        records: of one axis.
+        inertia: [kg m^2] or [kg]; None: as the records roughly show it.
+    """
+    leaps = [_torque_leaps(r) for r in records]
+    if inertia is None and any(map(len, leaps)):
+        found = _rough(records)
+        inertia = found[0] if found else None
+    out, said = [], []
+    for r, rows in zip(records, leaps, strict=True):
+        failed = rows[~_answers(r, rows, inertia)] if inertia and len(rows) else rows[:0]
+        if len(failed):
+            kept = np.setdiff1d(np.arange(len(r)), failed)
+            torque = np.interp(np.arange(len(r)), kept, r.torque[kept])
+            out.append(replace(r, signals={**r.signals, "torque": torque}))
+            said.append(f"{r.name}: the torque leaps and comes back in {len(failed)} rows, first at "
+                        f"{r.time[failed[0]]:.5g} s, and the axis does not answer: readings that failed, filled in")
+        else:
+            out.append(r)
+    return out, said
+
+
+def _torque_leaps(record: Record) -> NDArray[np.intp]:
+    """(k,) rows in which the torque is far from that of the rows around for a few at a time, and zero or by far the
+    largest."""
+    u = record.torque
+    away = np.abs(u - scipy.ndimage.median_filter(u, 2 * _FEW_ROWS + 1, mode="nearest"))
+    usual = float(np.quantile(away, 1 - _RARE))
+    leaps = away > _FAR_TORQUE * usual if usual else np.zeros(len(u), bool)
+    most = _BEYOND * np.abs(u[~leaps]).max(initial=0.0)
+    rows = np.flatnonzero(leaps & ((u == 0) | (np.abs(u) > most)))
+    return rows[(rows >= _FEW_ROWS + _SLOPE) & (rows < len(u) - _FEW_ROWS - 1 - _SLOPE)]
+
+
+def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[np.bool_]:
+    """(k,) whether the axis goes on faster, or slower, after torques of a few rows, as their impulse would have it.
+
+    What cannot be seen behind the encoder counts as an answer, as does an axis that rests where the torque is zero."""
+    u, q, h = record.torque, record.position, record.sample_time
+    every = np.arange(len(u))
+    kept = np.setdiff1d(every, rows)
+    without = np.interp(every, kept, u[kept])
+    before = every[_SLOPE : -2 * _FEW_ROWS - 1 - _SLOPE]
+    after = before + 2 * _FEW_ROWS + 1
+
+    def speeds_up(position: Array) -> Array:
+        """By what the mean velocity after some rows differs from that before."""
+        return np.asarray((position[after + _SLOPE] - position[after] - position[before] + position[before - _SLOPE])
+                          / (_SLOPE * h))  # fmt: skip
+
+    def free(torque: Array) -> Array:
+        """Where a torque alone would move the axis."""
+        velocity = h / inertia * np.concatenate([[0.0], np.cumsum(torque)])
+        return h * np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
+
+    speed = (q[after] - q[before]) / ((2 * _FEW_ROWS + 1) * h)
+    friction = np.stack([np.sign(speed), speed, np.ones_like(speed)], 1)
+    change = speeds_up(q)
+    beyond = change - speeds_up(free(without))
+    beyond -= friction @ np.linalg.lstsq(friction, beyond)[0]
+    # What friction does to an axis that rests now and then no line in the speed tells.
+    change = min(change, beyond, key=lambda c: float(np.median(np.abs(c))))
+    noise = float(np.median(np.abs(change)))
+    at = rows - _FEW_ROWS - _SLOPE
+    due = speeds_up(free(u - without))[at]
+    rests = speed == 0
+    held = rests[at] & (u[rows] == 0)
+    return np.asarray(held | (np.abs(due) < _SEEN * noise) | (change[at] * due > _HALF * due**2))
+
+
+def hint(ratio: float) -> str:
+    """What two figures may have been mixed up that are so many times apart, for the end of a clause; "" if nothing."""
+    ratio = max(ratio, 1 / ratio)
+    return next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < _AS_FACTOR), "")
+
+
 def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[str]:
     """What a user may want to know before trusting a result, one sentence each.
 
@@ -185,9 +276,11 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
         if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
             said.append(f"{r.name}: the position changes by less than {_FEWEST_COUNTS:g} counts of the encoder in all: "
                         "no motion that could tell anything of friction")
+        said += [f"{r.name}: {doubt}" for doubt in (_twice(r), _at_its_end(r), _slow_torque(r)) if doubt]
         if n := filled(r)[1]:
             said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
                         "filled in")
+    said += _seen_before(records)
     fitted = [r for r in records if r.use == "fit"]
     if fitted and sum(map(len, fitted)) < _FEW:
         said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
@@ -205,9 +298,50 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     if inertia is not None and share > 0.2 and rough > 0:
         ratio = max(rough / inertia, inertia / rough)
         if ratio > _OFF:
-            hint = next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < 0.3), "")
-            said.append(f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
-                        f"given: {ratio:.3g} times off{hint}")
+            given = (f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
+                     f"given: {ratio:.3g} times off{hint(ratio)}")  # fmt: skip
+            if ratio > _ABSURD:
+                raise DataError(f"{given}; leave axis.inertia out to have it identified")
+            said.append(given)
+    return said
+
+
+def _twice(record: Record) -> str:
+    """That two of its signals are one."""
+    names = [k for k in ("position", "velocity", "torque", "load") if k in record.signals]
+    for one, other in itertools.combinations(names, 2):
+        if np.array_equal(record.signals[one], record.signals[other]):
+            return f"{one} and {other} are the same numbers; is each the right column?"
+    return ""
+
+
+def _at_its_end(record: Record) -> str:
+    """That the torque stands at its largest, as a reading at the end of its range does."""
+    u = record.torque
+    most = np.abs(u).max()
+    share = float(np.mean(np.abs(u) == most))
+    if not _AT_END < share < _MOST_AT_END or len(np.unique(u)) < _MANY_LEVELS:
+        return ""
+    return (f"the torque stands at {most:.4g} in {100 * share:.2g} % of the rows; where that is the end of what is "
+            "read, and not of what the drive gives, the rest is missing")  # fmt: skip
+
+
+def _slow_torque(record: Record) -> str:
+    """That the torque changes at some rows only, as one that is read at a lower rate."""
+    readings = None if record.sensed else Readings.of(record.torque)
+    if readings is None:
+        return ""
+    return (f"the torque changes at every {readings.every:.4g} rows only: taken as held between, as by a controller of "
+            "that rate; where it was read at that rate, say sensed = true")  # fmt: skip
+
+
+def _seen_before(records: Sequence[Record]) -> list[str]:
+    """That what validates has the very samples of what is fitted or chooses."""
+    said = []
+    for r in (r for r in records if r.use == "validate"):
+        for other in (o for o in records if o.use != "validate" and len(o) == len(r)):
+            if np.array_equal(r.torque, other.torque) and np.array_equal(r.position, other.position):
+                said.append(f"{r.name} has the same samples as {other.name}: errors on it prove nothing")
     return said
 
 

@@ -16,7 +16,7 @@ from .encoder import common_step
 from .errors import DataError
 from .measured_axis import Axis
 from .record import Record
-from .slow_position import Readings
+from .slow_signal import Readings
 
 Array = NDArray[np.float64]
 
@@ -67,12 +67,17 @@ def read(
         columns.check(table, signals)
         if not clock_said:
             timing.expect_clock(signals["time"])
+        if sensed and (read := Readings.of(signals["torque"])):
+            notes.append(read.told(signals["time"], "torque"))
+            table = table.rows(read.seen(len(signals["time"])))
+            signals = read.kept(signals, "torque")
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
-        if readings := Readings.of(signals["position"]):
-            notes.append(readings.told(signals["time"]))
-            table = table.rows(readings.seen(len(signals["time"])))
-            signals, sensed = readings.kept(signals), False
+        if read := Readings.of(signals["position"]):
+            notes.append(read.told(signals["time"], "position"))
+            table = table.rows(read.seen(len(signals["time"])))
+            signals, sensed = read.kept(signals, "position"), False
+        timing.expect_whole(signals["time"])
         notes += _without_jumps(signals, table, axis)
         # Interpolated positions would not show it any more.
         seen = common_step(signals["position"])

@@ -50,7 +50,8 @@ def render(diagnosis: Diagnosis) -> str:
             shown.append((names[-1], comparisons[-1], COLOURS[2]))
         parts += _in_time(shown)
         parts.append(responses(shown))
-    parts += [_candidates(facts), parameters(diagnosis.plant, "The final plant"), provenance(diagnosis.plant)]
+    parts += [_candidates(facts), parameters(diagnosis.plant, "The final plant")]
+    parts += [_data(facts), provenance(diagnosis.plant)]
     return html_page(title, "\n".join(p for p in [*parts, _footer()] if p))
 
 
@@ -172,6 +173,11 @@ def _candidates(facts: dict[str, Any]) -> str:
         "take little of the error, none is added.</p>"
         f"{table(('effect', 'validate error', 'p value'), rows, (1, 2))}</section>"
     )
+
+
+def _data(facts: dict[str, Any]) -> str:
+    lines = "".join(f"<li>{escape(_upper(line))}</li>" for line in facts.get("data") or [])
+    return f"<section><h2>The measurements</h2><ul>{lines}</ul></section>" if lines else ""
 
 
 def _footer() -> str:

@@ -97,14 +97,9 @@ def evenly(
         mean = (time[-1] - time[0]) / len(step)
         said = f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
         return time[0] + mean * np.arange(len(time)), dict(signals), said
+    expect_whole(time)
     h = float(np.median(step))
     worst = int(np.argmax(step))
-    if step[worst] > LONGEST_GAP * h:
-        raise DataError(
-            f"a gap of {step[worst]:.4g} s after {time[worst]:.6g} s, where samples are {h:.4g} s apart; "
-            "make it two records there, as in span = "
-            f"[{_told(time[0])}, {_told(time[worst])}] and span = [{_told(time[worst + 1])}, {_told(time[-1])}]"
-        )
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
     even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)
     last = np.searchsorted(time, even + 1e-3 * h, side="right") - 1
@@ -115,6 +110,18 @@ def evenly(
         f"{step[worst]:.4g} s): resampled evenly, {'all' if sensed else 'torque held, the rest'} interpolated"
     )
     return even, resampled, note
+
+
+def expect_whole(time: Array) -> None:
+    """Raises DataError where times (n,) [s], strictly increasing, have a gap of more than 20 sample times."""
+    step = np.diff(time)
+    h, worst = float(np.median(step)), int(np.argmax(step))
+    if step[worst] > LONGEST_GAP * h:
+        raise DataError(
+            f"a gap of {step[worst]:.4g} s after {time[worst]:.6g} s, where samples are {h:.4g} s apart; "
+            "make it two records there, as in span = "
+            f"[{_told(time[0])}, {_told(time[worst])}] and span = [{_told(time[worst + 1])}, {_told(time[-1])}]"
+        )
 
 
 def by_another_clock(time: Array) -> bool:

@@ -233,3 +233,40 @@ def test_readings_that_were_held_are_told(tmp_path: Path) -> None:
     broken, _ = held(RUN, range(200, 2800, 170), 9)
     note = next(n for n in logged(tmp_path, run=broken).notes if "repeats its last reading" in n)
     assert "filled in" in note
+
+
+@pytest.mark.parametrize("axis", ["", f"inertia = {INERTIA}"])
+@pytest.mark.parametrize("wrong", [-30.0, 30.0])
+def test_a_torque_that_the_axis_does_not_answer_was_read_wrong(axis: str, wrong: float, tmp_path: Path) -> None:
+    """A frame that was lost; one that did act moves the axis on at another speed."""
+    clean = logged(tmp_path, axis)
+    at = [i for i in range(300, 2800, 500) if abs(RUN.torque[i]) > 0.5] + [601]
+
+    def broken(u: np.ndarray) -> np.ndarray:
+        return np.where(np.isin(np.arange(len(u)), at), wrong, u)
+
+    runs = logged(tmp_path, axis, torque=broken)
+    assert any(f"leaps and comes back in {len(at)} rows" in n and "failed, filled in" in n for n in runs.notes)
+    assert np.abs(runs.fit[0].torque - clean.fit[0].torque).max() < 1.5
+    acted = simulate(PLANT, broken(RUN.torque), 1e-3, resolution=2 * np.pi / 2**18, seed=1)
+    assert not logged(tmp_path, axis, run=acted).notes
+
+
+def test_what_may_be_wrong_with_a_log_is_said(tmp_path: Path) -> None:
+    clipped = logged(tmp_path, torque=lambda u: np.clip(u, -2.0, 2.0))
+    assert any("the torque stands at 2 in" in note for note in clipped.notes)
+    slow = logged(tmp_path, torque=lambda u: np.repeat(u[::10], 10)[: len(u)])
+    assert any("the torque changes at every 10 rows only" in note and "sensed = true" in note for note in slow.notes)
+    read = logged(tmp_path, entry="sensed = true\n", torque=lambda u: np.repeat(u[::10], 10)[: len(u)])
+    assert len(read.fit[0]) == len(RUN) / 10 - 1 and np.array_equal(read.fit[0].torque, RUN.torque[:-10:10])
+    with pytest.raises(DataError, match=r"200 kg m\^2 is given: .* times off; leave axis.inertia out"):
+        logged(tmp_path, "inertia = 200.0")
+    again = {"time": RUN.time, "torque": RUN.torque, "position": RUN.position}
+    for name in ("one.csv", "two.csv"):
+        formats.write(tmp_path / name, again)
+    uses = {"one": "fit", "two": "validate"}
+    entries = "".join(f'[[record]]\nfile = "{name}.csv"\nuse = "{use}"\n' for name, use in uses.items())
+    (tmp_path / "dataset.toml").write_text(entries)
+    assert "two.csv has the same samples as one.csv: errors on it prove nothing" in load(tmp_path).notes
+    formats.write(tmp_path / "one.csv", {**again, "velocity": RUN.position})
+    assert any("position and velocity are the same numbers" in note for note in load(tmp_path).notes)

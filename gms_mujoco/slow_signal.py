@@ -1,4 +1,4 @@
-"""A position that is read at a lower rate than the torque, and held in the rows between.
+"""A position that is read at a lower rate than the torque, or a torque than the position, and held between.
 
 A logger that asks a slow bus, or merges topics of two rates, repeats the last position until the next one comes. Taken
 row by row such an axis stands and leaps; only where it was read is anything known of its motion. So these rows are
@@ -75,22 +75,23 @@ class Readings:
         seen[np.floor(self.at(rows) + self.shown + _ROUNDING).astype(int)] = True
         return seen
 
-    def kept(self, signals: Mapping[str, Array]) -> dict[str, Array]:
-        """Signals (k,) at the readings, of such (n,): torque and current averaged to the next reading, positions as
-        they were read, time and the rest interpolated."""
-        rows = len(signals["position"])
+    def kept(self, signals: Mapping[str, Array], read: str) -> dict[str, Array]:
+        """Signals (k,) at the readings of one of them, of such (n,): that as it was read, with positions a torque or
+        current as its mean to the next reading, time and the rest interpolated."""
+        rows = len(signals["time"])
         at, seen, out = self.at(rows), self.seen(rows), {}
         for name, x in signals.items():
-            if name in HELD:
+            if name in HELD and read not in HELD:
                 total = np.concatenate([[0.0], np.cumsum(x)])
                 ends = np.interp(np.append(at, at[-1] + self.every), np.arange(len(total)), total)
                 out[name] = np.diff(ends) / self.every
             else:
-                out[name] = x[seen] if name.startswith("position") else np.interp(at, np.arange(rows), x)
+                out[name] = x[seen] if name.startswith(read) else np.interp(at, np.arange(rows), x)
         return out
 
-    def told(self, time: Array) -> str:
-        """What was done to rows at times (n,) [s], a sentence."""
+    def told(self, time: Array, read: str) -> str:
+        """What was done to rows at times (n,) [s] by the readings of a signal, a sentence."""
         rate = (len(time) - 1) / (time[-1] - time[0]) / self.every
-        return (f"position changes at every {self.every:.4g} rows only, as one that is read at {rate:.4g} Hz and held: "
-                "these rows are kept, torque averaged from each to the next")  # fmt: skip
+        beside = "" if read in HELD else ", torque averaged from each to the next"
+        return (f"{read} changes at every {self.every:.4g} rows only, as one that is read at {rate:.4g} Hz and held: "
+                f"these rows are kept{beside}")  # fmt: skip

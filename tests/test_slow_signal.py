@@ -1,4 +1,4 @@
-"""slow_position: rows between two readings of a position are left out, and what is left is the same motion."""
+"""slow_signal: rows between two readings of a position are left out, and what is left is the same motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gms_mujoco.fit import baseline, fit
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.simulate import simulate
-from gms_mujoco.slow_position import Readings
+from gms_mujoco.slow_signal import Readings
 
 ROWS = np.arange(4000)
 PLANT = Plant.axis(0.02) + effects.find("coulomb")(coulomb=0.4) + effects.find("viscous")(coefficient=0.02)
@@ -38,7 +38,7 @@ def held(every: float, first: float, jitter: float = 0.0) -> np.ndarray:
 def test_one_clock_is_found_to_the_row(every: int, first: int) -> None:
     readings = Readings.of(held(every, first % every))
     assert readings is not None and (readings.every, readings.first) == (every, first % every)
-    kept = readings.kept({"position": held(every, first % every), "torque": ROWS, "time": ROWS})
+    kept = readings.kept({"position": held(every, first % every), "torque": ROWS, "time": ROWS}, "position")
     assert np.array_equal(kept["position"], moves(kept["time"]))
     assert np.allclose(kept["torque"], kept["time"] + (every - 1) / 2), "its mean over the rows that follow"
 
@@ -48,7 +48,7 @@ def test_readings_by_a_clock_of_their_own_are_found_within_a_row(every: float, f
     position = held(every, first, jitter)
     readings = Readings.of(position)
     assert readings is not None and abs(readings.every / every - 1) < 1e-3
-    kept = readings.kept({"position": position, "time": ROWS})
+    kept = readings.kept({"position": position, "time": ROWS}, "position")
     late = np.linalg.lstsq(np.gradient(moves(kept["time"]), every)[:, None], kept["position"] - moves(kept["time"]))[0]
     assert abs(float(late[0])) < 1.05
 
