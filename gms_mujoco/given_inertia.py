@@ -67,13 +67,14 @@ def _is_as_good(found: FitResult, search: Search) -> bool:
 
 
 def corrected(search: Search, other: Search) -> str:
-    """A sentence where a search that has identified the inertia leaves much less than one that took the given, or as
-    little with fewer effects; else empty.
+    """A sentence where a search that has identified the inertia leaves much less than one that took the given, or no
+    more than noise with fewer effects; else empty.
 
     A torque that reads too little looks the same, as by a wrong torque constant.
     """
     before, after = search.steps[-1].result, other.steps[-1].result
-    fewer = len(other.steps) < len(search.steps) and best([search, other]) == 1
+    # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
+    fewer = other.at_floor and len(other.steps) < len(search.steps) and best([search, other]) == 1
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
     (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))

@@ -34,6 +34,7 @@ _FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell h
 _RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
 _BEYOND = 2.0  # times the largest torque of the other rows
 _SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
+_STAYS = 10  # rows there after another
 _MANY_LEVELS = 50  # of a torque: of fewer it is a command in steps
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
@@ -319,8 +320,10 @@ def _at_its_end(record: Record) -> str:
     """That the torque stands at its largest, as a reading at the end of its range does."""
     u = record.torque
     most = np.abs(u).max()
-    share = float(np.mean(np.abs(u) == most))
-    if not _AT_END < share < _MOST_AT_END or len(np.unique(u)) < _MANY_LEVELS:
+    there = np.abs(u) == most
+    share = float(np.mean(there))
+    stays = int(np.sum(there[1:] & there[:-1]))
+    if stays < _STAYS or not _AT_END < share < _MOST_AT_END or len(np.unique(u)) < _MANY_LEVELS:
         return ""
     return (f"the torque stands at {most:.4g} in {100 * share:.2g} % of the rows; where that is the end of what is "
             "read, and not of what the drive gives, the rest is missing")  # fmt: skip

@@ -244,7 +244,7 @@ def test_one_record_is_cut_in_time(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("n", "uses"), [(2, "fv"), (3, "ffv"), (7, "ffvffvf")])
 def test_several_records_are_split_evenly_and_it_is_said(n: int, uses: str, tmp_path: Path) -> None:
-    runs = dataset(tmp_path, AXIS + n * RECORD)
+    runs = dataset(tmp_path, n * RECORD)
     assert "".join(r.use[0] for r in runs.records) == uses
     assert "no use was given" in runs.split
 

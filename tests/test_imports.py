@@ -14,7 +14,7 @@ LAYERS = [
     {"errors", "parameter", "version", "registration"},
     {"files", "units", "timing", "progress", "recent", "figure", "tall", "folds", "noise_band", "residual_maps",
      "native", "excitation", "free_motion", "spectra", "threads"},
-    {"harmonics", "frf_units", "place_spectrum"},
+    {"harmonics", "frf_units", "place_spectrum", "slow_signal"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
     {"servo_run", "plant", "coordinates", "grid", "sampling", "encoder"},
