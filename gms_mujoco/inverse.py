@@ -53,7 +53,7 @@ _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
 # Samples that a torque may have acted before its row: a command, one that was measured after, one that came late.
 _EARLY = (SKEW, 1.1, 5.1)
-_READ = (SKEW, 0.6, 5.1)  # samples between the instants at which torque and position were read
+_READ = (SKEW, 0.6)  # samples between the instants at which torque and position were read
 _WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
 
 
@@ -112,7 +112,7 @@ class Observation:
         cutoff: frequency up to which the position is kept as it is, being more motion than noise of the encoder [Hz];
             0: found from its spectrum.
         early: whether the torque of a row may have acted at another instant than the record says: 1 for up to a sample
-            before, or of one that was read up to half a sample either way, 2 for several.
+            before, or of one that was read up to half a sample either way, 2 for several samples before.
         asked: (n,) 0 for samples of which nothing is asked, else 1; None: found from the record, see `at_rest`.
     """
 
@@ -327,16 +327,21 @@ class Observation:
     @property
     def skews_within(self) -> tuple[float, float]:
         """By how many samples the clock of the torque may run ahead of that of the position, least and most."""
-        return (-_READ[self.early], _READ[self.early]) if self.record.sensed else (-_EARLY[self.early], SKEW)
+        most = self._earlier[self.early]
+        return (-most, most) if self.record.sensed else (-most, SKEW)
+
+    @property
+    def _earlier(self) -> tuple[float, ...]:
+        return _READ if self.record.sensed else _EARLY
 
     @property
     def may_be_earlier(self) -> bool:
         """Whether its torque may have acted at instants that are not allowed for yet."""
-        return self.early < len(_EARLY) - 1
+        return self.early < len(self._earlier) - 1
 
     def acting_early(self) -> Observation:
         """The same observation, whose torque may have acted at another instant, or at one that is further off."""
-        return replace(self, early=min(self.early + 1, len(_EARLY) - 1), cutoff=self._cutoff)
+        return replace(self, early=min(self.early + 1, len(self._earlier) - 1), cutoff=self._cutoff)
 
     def unsmoothed(self) -> Observation:
         """The same observation, whose position is taken as it stands."""
