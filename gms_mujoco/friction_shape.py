@@ -64,12 +64,10 @@ def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
     """The problem of a fit, and its solution, with the exponent that suits it best from a law of friction on, which
     then stays; None where that promises too little."""
     misfit, x = now.misfit.onto(now.plant.replace(law), now.vector, freed=[f"{law.name}.stribeck_exponent"])
-    before, floor = left_of(now.misfit, now.vector), floor_of(now)
-    below = now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x)
-    x = nudge(misfit, x, _STEPS, below)
-    if not takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2):
+    near = _nudged(now, misfit, x)
+    if near is None:
         return None
-    x = refined(misfit, x)
+    x = refined(misfit, near)
     return misfit.onto(misfit.plant(x), x)
 
 
@@ -83,15 +81,21 @@ def fading_damping(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     if "lugre" not in now.plant or now.plant["lugre"].damping_velocity or at_floor(now, left, _NEARLY_NOISE):
         return now, left
     law, usual = now.plant["lugre"], Scales.of(now.misfit.observations)["rad/s"]
-    before, floor = left_of(now.misfit, now.vector), floor_of(now)
     for velocity in (float(np.asarray(law.stribeck_velocity)), 0.1 * usual):
         misfit, x = now.misfit.onto(now.plant.replace(law.replace(damping_velocity=velocity)), now.vector)
-        x = nudge(misfit, x, _STEPS, now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x))
-        if takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2):
-            now, left = _better(now, left, fit_to_end(misfit, x), LEAST_SHARE)
-        if now.plant["lugre"].damping_velocity:
-            break
+        if (near := _nudged(now, misfit, x)) is not None:
+            found, then = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
+            if found is not now:
+                return found, then
     return now, left
+
+
+def _nudged(now: FitResult, misfit: Misfit, x: Array) -> Array | None:
+    """A few steps of another fit from where it begins; None where they promise too little beside the present one."""
+    before, floor = left_of(now.misfit, now.vector), floor_of(now)
+    below = now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x)
+    x = nudge(misfit, x, _STEPS, below)
+    return x if takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2) else None
 
 
 def straightened(now: FitResult) -> Plant | None:

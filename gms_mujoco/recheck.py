@@ -200,13 +200,14 @@ def undoing(search: Search) -> tuple[tuple[str, ...], float]:
     as all that was missing the lesser of the two does; nothing where there are none."""
     first, last = search.steps[0].result, search.steps[-1].result
     names = [name for s in search.steps if (name := s.effect) in _OF_PLACE and name is not None]
-    if len(names) < 2 or len(first.misfit.residual(first.vector)) != len(left := last.misfit.residual(last.vector)):
+    missing, left = (r.misfit.residual(r.vector) for r in (first, last))
+    if len(names) < 2 or len(missing) != len(left):
         return (), 0.0
     without_one = (last.misfit.onto(last.plant.replace(absent(last.plant[n])), last.vector) for n in names)
     done = np.array([misfit.residual(x) - left for misfit, x in without_one])
     size = np.sqrt(np.sum(done**2, 1))
     cosine = done @ done.T / np.outer(size, size)
-    size /= math.sqrt(float(np.sum(first.misfit.residual(first.vector) ** 2)))
+    size /= math.sqrt(float(missing @ missing))
     one, other = np.unravel_index(np.argmin(cosine), cosine.shape)
     if cosine[one, other] > _OPPOSITE or min(size[one], size[other]) < _LARGER:
         return (), 0.0
@@ -319,7 +320,8 @@ def drop_ripple(search: Search) -> str:
     free = model.without(columns)
     by = np.hypot(*np.linalg.lstsq(gram(free, free), gram(free, model.target))[0].reshape(-1, 2).T)
     most = int(np.argmax(by))
-    _take_away(search, [name])
+    _reject(search, k)
+    _drop(search, k, left, held_out)
     return (
         f"a torque constant that ripples with harmonic {harmonics[most]:g} of the place, by {100 * by[most]:.2g} %, "
         f"explains more than {name} ({100 * (1 - rippled.total / held_out.total):.0f} % of the square)"

@@ -67,16 +67,14 @@ def read(
         columns.check(table, signals)
         if not clock_said:
             timing.expect_clock(signals["time"])
-        if sensed and (read := Readings.of(signals["torque"])):
-            notes.append(read.told(signals["time"], "torque"))
-            table = table.rows(read.seen(len(signals["time"])))
-            signals = read.kept(signals, "torque")
+        if sensed:
+            signals, table, note = _as_read("torque", signals, table)
+            notes.append(note)
         if sensed is None:
             sensed = by_current and timing.by_another_clock(signals["time"])
-        if read := Readings.of(signals["position"]):
-            notes.append(read.told(signals["time"], "position"))
-            table = table.rows(read.seen(len(signals["time"])))
-            signals, sensed = read.kept(signals, "position"), False
+        signals, table, note = _as_read("position", signals, table)
+        notes.append(note)
+        sensed = sensed and note is None  # else it is a mean
         timing.expect_whole(signals["time"])
         notes += _without_jumps(signals, table, axis)
         # Interpolated positions would not show it any more.
@@ -94,6 +92,16 @@ def read(
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
     return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
+
+
+def _as_read(
+    what: str, signals: dict[str, Array], table: formats.Table
+) -> tuple[dict[str, Array], formats.Table, str | None]:
+    """Signals and table where one of them was read at a lower rate and held, and a sentence; as they are else."""
+    readings, time = Readings.of(signals[what]), signals["time"]
+    if readings is None:
+        return signals, table, None
+    return readings.kept(signals, what), table.rows(readings.seen(len(time))), readings.told(time, what)
 
 
 def _finer(declared: float | None, seen: float, kind: str) -> str | None:

@@ -76,8 +76,8 @@ def describe(misfit: Misfit, vector: Array) -> str:
         _in_waves(position, residual, factors, plant.kind, alone),
         _tied(position, residual, factors, plant.kind),
         (share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})"),
-        _jump(runs, total),
-        _wandering(runs, total),
+        jump := _jump(runs, total),
+        _wandering(runs, total, jump[0]),
         _apart(runs, total, plant),
     ]
     least = max(_NOTABLE, _BESIDE * max(share for share, _ in readings))
@@ -200,11 +200,11 @@ def _jump(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
     return most, f"a jump at {when:.3g} s in {name} ({_percent(most)})"
 
 
-def _wandering(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
-    """That it changes slowly in the course of each record, about its mean, and does not jump."""
+def _wandering(runs: Sequence[tuple[Observation, Array]], total: float, jump: float) -> Reading:
+    """That it changes slowly in the course of each record, about its mean, by more than the share of a jump."""
     parts = [p for _, r in runs if len(r) > _PARTS for p in np.array_split(r - r.mean(), _PARTS)]
     share = sum(len(p) * float(p.mean()) ** 2 for p in parts) / total
-    if share <= _jump(runs, total)[0]:
+    if share <= jump:
         return 0.0, ""
     return share, f"as by an offset of the torque that wanders in the course of a record ({_percent(share)})"
 

@@ -18,8 +18,8 @@ from .timing import HELD
 
 Array = NDArray[np.float64]
 
-_FEWEST = 20  # changes of a position, to tell how often it is read
-_SLOWEST_STEPS = 3.0  # times the smallest step of a position: a coarse encoder changes by one at a time
+_FEWEST = 20  # changes of a signal, to tell how often it is read
+_SLOWEST_STEPS = 3.0  # times the smallest step of a signal: a coarse encoder changes by one at a time
 _LONGEST = 1.5  # times the usual number of rows between two changes, that are no longer those of one reading
 _JITTER = 0.25  # of a row, by which a reading may come early or late
 _ROUNDING = 1e-9  # of a row
@@ -28,7 +28,7 @@ _SETTLED = 5  # rounds, in which readings are counted and their period fitted
 
 @dataclass(frozen=True)
 class Readings:
-    """When a position is read: at rows `first + k * every`, k = 0, 1, ...; neither need be a whole number.
+    """When a signal is read: at rows `first + k * every`, k = 0, 1, ...; neither need be a whole number.
 
     Attributes:
         first: row at which the first reading was made.
@@ -41,10 +41,10 @@ class Readings:
     shown: float = 0.0
 
     @classmethod
-    def of(cls, position: Array) -> Self | None:
-        """Those of a position (n,) by the rows at which it changes; None where it is read at every row, or hardly
-        moves."""
-        steps = np.diff(position)
+    def of(cls, signal: Array) -> Self | None:
+        """Those of a signal (n,) by the rows at which it changes; None where it is read at every row, or hardly
+        changes."""
+        steps = np.diff(signal)
         changes = np.flatnonzero(steps) + 1
         size = np.abs(steps[changes - 1])
         if len(changes) <= _FEWEST or np.median(size) < _SLOWEST_STEPS * size.min():
@@ -66,7 +66,7 @@ class Readings:
         return cls((early + late - 1) / 2 % every, every, (late - early + 1) / 2)
 
     def at(self, rows: int) -> Array:
-        """(k,) rows, whole or not, at which the position was read among so many."""
+        """(k,) rows, whole or not, at which the signal was read among so many."""
         return np.arange(self.first, rows - max(self.every, self.shown), self.every)
 
     def seen(self, rows: int) -> NDArray[np.bool_]:
