@@ -85,7 +85,7 @@ class Dataset:
 
     @property
     def validate(self) -> tuple[Record | FRF | ServoRun, ...]:
-        """Those that are scored once, after every choice."""
+        """Those that are scored after every choice."""
         return self._used("validate")
 
     def _used(self, use: str) -> tuple[Record | FRF | ServoRun, ...]:

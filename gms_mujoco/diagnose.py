@@ -42,6 +42,7 @@ from .undetermined import never_slips
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
 _CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
+_WORSE = 1.1  # times what is left of new records without an effect: one with which more is left explains nothing
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
@@ -196,7 +197,8 @@ def diagnose(
     plant. One is added if it lowers the error on blocks of the fit records that its fit has not seen (and on the
     select records where there are some), significantly after control of the false discovery rate over the whole
     catalogue. Where that ends above the noise floor, it goes on from effects that were passed over for one that left
-    hardly less, and stays with the path that explains most. The validate records are scored once, after the choice.
+    hardly less, and stays with the path that explains most. The validate records are scored after the choice, and have
+    a veto: where they leave more with effects than without, these are taken back and the others looked at again.
 
     The default baseline has `gms` friction. Where that leaves more than noise does, other laws in its place are fitted
     too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
@@ -234,6 +236,27 @@ def diagnose(
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
+    done = 0.95
+    found = _diagnosed(runs, plant, start, candidates, without, part(report, 0.0, done))
+    while withdrawn := _withdrawn(found):
+        without = {*without, *(c.effect for c in withdrawn)}
+        begun, done = done, (1 + done) / 2
+        again = _diagnosed(runs, plant, start, candidates, without, part(report, begun, done, "once more"))
+        said = _does_not_hold(found, withdrawn)
+        found = replace(again, candidates=(*again.candidates, *withdrawn), notes=(*again.notes, said))
+    report(1.0, "done")
+    return found
+
+
+def _diagnosed(
+    runs: Dataset,
+    plant: Plant | None,
+    start: Plant,
+    candidates: Sequence[Shape],
+    without: Collection[str],
+    report: Progress,
+) -> Diagnosis:
+    """A diagnosis before the veto of the validate records."""
     report(0.0, "looking at the records")
     seen = observe(runs.fit, start.inertia)
     bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
@@ -285,8 +308,28 @@ def diagnose(
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
-    report(1.0, "done")
     return found
+
+
+def _withdrawn(found: Diagnosis) -> tuple[Rejected, ...]:
+    """The effects with which the validate records leave clearly more than before, and more than noise."""
+    if len(found.comparisons) < len(found.steps):
+        return ()
+    errors = [c.determined[0] for c in found.comparisons]
+    best, floor = int(np.argmin(errors)), found.comparisons[-1].determined[1]
+    if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
+        return ()
+    return tuple(Rejected(s.effect, s.p_value, s.validate_error) for s in found.steps[best + 1 :] if s.effect)
+
+
+def _does_not_hold(found: Diagnosis, withdrawn: Sequence[Rejected]) -> str:
+    """Why effects that were found are not among them."""
+    before, last = found.steps[-1 - len(withdrawn)], found.steps[-1]
+    told = found.score.told
+    names = " and ".join(c.effect for c in withdrawn)
+    fitted = f"from {told(before.result.error)} to {told(last.result.error)}"
+    unseen = f"from {told(before.validate_error)} to {told(last.validate_error)}"
+    return f"Not {names}: what is left of the fit records would fall {fitted}, of the validate records rise {unseen}."
 
 
 def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:

@@ -43,7 +43,7 @@ class Record:
             to be, which the indirect estimate of a frequency response needs. Of a joint of a robot, `rigid_torque` is
             what the rigid bodies take beyond inertia times acceleration, and `inertia_change` what the inertia about
             the joint is in that pose less the axis's (see robot.py).
-        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).
+        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored after every choice).
         resolution: position of one encoder count [rad or m], None where unknown.
         sensed: whether `torque` was read at the samples, as `position` is: a column `current` whose rows come by
             another clock than that of the drive.

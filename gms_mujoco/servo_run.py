@@ -66,7 +66,7 @@ class ServoRun:
         inertia: of the payload about the shaft [kg m^2].
         weight: torque of the payload when it stands out level [N m].
         notes: what was done to the data, one sentence each.
-        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored once).
+        use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored after every choice).
         judged: (first, end) samples that are looked at, of a run that is cut in two; the motion is always simulated
             from the first. None: all.
     """

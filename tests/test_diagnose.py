@@ -189,7 +189,20 @@ def test_select_records_must_agree() -> None:
     assert not d.found and d.verdict == "unexplained"
 
 
-def test_validate_records_decide_nothing(found: dict[str, Diagnosis]) -> None:
+def test_what_holds_for_the_fit_records_alone_is_taken_back() -> None:
+    """A rig that was put the other way up before the validate records has no gravity that a plant could have."""
+    gravity = HIDDEN["gravity"]
+    other = dataset(HEALTHY + gravity.replace(phase=gravity.values["phase"] + math.pi))
+    runs = dataset(HEALTHY + gravity)
+    d = diagnose(replace(runs, records=(*runs.fit, *other.validate)), UNKNOWN)
+    assert not d.found and d.verdict == "unexplained"
+    (said,) = (n for n in d.notes if n.startswith("Not gravity"))
+    assert "of the validate records rise" in said
+    (left,) = (c for c in d.candidates if c.effect == "gravity")
+    assert left.validate_error > d.steps[-1].validate_error > 2 * d.noise_floor
+
+
+def test_validate_records_choose_nothing(found: dict[str, Diagnosis]) -> None:
     runs = dataset(HEALTHY + HIDDEN["cogging"])
     noise = np.random.default_rng(0).normal(0, LEVEL, 3000)
     other = diagnose(_with(runs, noise, uses=("validate",)), UNKNOWN)
