@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -18,6 +18,7 @@ from .errors import DataError, listing
 from .frf import FRF
 from .measured_axis import ENCODER, Axis, encoder_count, joint_names
 from .record import USES, Record, told_uses
+from .robot import Robot, Setup
 from .servo_run import CONTROLLERS, ServoRun
 
 Array = NDArray[np.float64]
@@ -42,6 +43,7 @@ class Dataset:
         joint: of the robot whose measurements these are; None for a bare axis.
         servos: runs of a servo that closes its own position loop, each with its use; a set has these, or records and
             responses.
+        robot: whose joint that is; None for a bare axis.
     """
 
     path: Path
@@ -54,6 +56,7 @@ class Dataset:
     frfs: tuple[FRF, ...] = ()
     joint: str | None = None
     servos: tuple[ServoRun, ...] = ()
+    robot: Robot | None = field(default=None, repr=False)
 
     def __iter__(self) -> NoReturn:
         """A set is no list: `fit(plant, runs)` would take what is set apart for validation.
@@ -67,6 +70,17 @@ class Dataset:
     def controller(self) -> str | None:
         """What the drive closes by itself: "position", or None where it takes a torque."""
         return "position" if self.servos else None
+
+    def set_up(self, setup: Setup) -> Dataset:
+        """The same measurements of a robot that was set up in another way.
+
+        Raises:
+            DataError: a bare axis, or a body or joint that its model does not have.
+        """
+        if self.robot is None:
+            raise DataError("a setup is that of a robot; this set has no axis.model")
+        robot = self.robot.set_up(setup)
+        return replace(self, records=tuple(robot.on(self.records)[0]), robot=robot)
 
     @property
     def all(self) -> tuple[Record | FRF | ServoRun, ...]:
@@ -132,14 +146,13 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
-        records, others, uses = [], [], []
+        records, uses = [], []
         for i, entry in enumerate(entries, 1):
-            record, more, done = record_files.read(f"record {i}", entry, file.parent, axis)
+            record, done = record_files.read(f"record {i}", entry, file.parent, axis)
             if np.ptp(record.position) == 0:
                 notes.append(f"{record.name}: position never changes: left out")
                 continue
             records.append(record)
-            others.append(more)
             uses.append(entry.get("use"))
             notes += [f"{record.name}: {note}" for note in done]
         if entries and not records:
@@ -151,7 +164,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             unit = "N m" if axis.joint.kind == "hinge" else "N"
             notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
         if axis.robot and records:
-            records, on_robot = axis.robot.on(records, others)
+            records, on_robot = axis.robot.on(records)
             notes += on_robot
         records, failed = plausible.answered(records, axis.inertia)
         notes += failed
@@ -166,7 +179,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         raise DataError(f"{file}: {error}") from None
     return Dataset(
         file.parent, tuple(records), axis.joint.kind, axis.inertia, axis.torque_constant, split, tuple(notes), frfs,
-        axis.joint.name or None,
+        axis.joint.name or None, robot=axis.robot,
     )  # fmt: skip
 
 

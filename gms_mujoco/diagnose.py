@@ -21,6 +21,7 @@ from .frf_observation import Seen
 from .friction_law import choices, leading_further, much_better, with_law, would_be_better
 from .friction_shape import with_exponents
 from .given_inertia import corrected, free, is_doubtful
+from .given_setup import corrected_setup
 from .held_out import p_value
 from .inverse import Observation
 from .judgement import AT_FLOOR
@@ -206,6 +207,9 @@ def diagnose(
     other law that with one effect may leave less, and that law taken where it leaves much less in the end. A law of
     your own `plant` stays: what another would do is told in the remainder.
 
+    Of a robot a payload, another gravity or other zeros of its encoders are counted in where the records contradict its
+    model in that way, and the evidence of the baseline says so, with the numbers; see `given_setup`.
+
     An inertia that is given stays too, unless the records contradict it: where another leaves much less, or as little
     as an effect that was found in its place, it is identified, and the evidence of the baseline says so.
 
@@ -236,6 +240,7 @@ def diagnose(
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
+    runs, payload_said = corrected_setup(runs, start)
     done = 0.95
     found = _diagnosed(runs, plant, start, candidates, without, part(report, 0.0, done))
     while withdrawn := _withdrawn(found):
@@ -245,6 +250,9 @@ def diagnose(
         said = _does_not_hold(found, withdrawn)
         found = replace(again, candidates=(*again.candidates, *withdrawn), notes=(*again.notes, said))
     report(1.0, "done")
+    if payload_said:
+        steps = (replace(found.steps[0], evidence=". ".join(filter(None, (payload_said, found.steps[0].evidence)))),)
+        found = replace(found, steps=(*steps, *found.steps[1:]))
     return found
 
 

@@ -11,11 +11,12 @@ from typing import Any
 from . import columns
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
-from .robot import Robot
+from .robot import Payload, Robot, Setup
 
 KINDS = ("hinge", "slide")
 ENCODER = ("encoder_counts_per_rev", "encoder_resolution")
-_KEYS = ("kind", "inertia", *ENCODER, "torque_constant", "model", "joint", "pose")
+_SETUP = ("pose", "payload", "gravity", "zero", "reversed")
+_KEYS = ("kind", "inertia", *ENCODER, "torque_constant", "model", "joint", *_SETUP)
 
 
 class Axis:
@@ -72,7 +73,7 @@ class Axis:
 
     def _robot(self, table: Mapping[str, Any], folder: Path, joint: str | None) -> Robot | None:
         if "model" not in table:
-            for key in ("joint", "pose"):
+            for key in ("joint", *_SETUP):
                 if key in table:
                     raise DataError(f"axis.{key} needs axis.model, the MJCF file of the robot")
             if joint:
@@ -87,11 +88,7 @@ class Axis:
                             f"load(path, joint={self.names[0]!r}) or --joint {self.names[0]}")
         if joint is not None and joint not in self.names:
             raise DataError(f"the set is not of a joint {joint!r}; it is of {listing(self.names)}")
-        pose = subtable(table, "pose")
-        for name, value in pose.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
-                raise DataError(f"axis.pose.{name} must be a number [rad or m]; {value!r} given")
-        return Robot(folder / table["model"], joint or self.names[0], pose)
+        return Robot(folder / table["model"], joint or self.names[0], _setup(table))
 
     def resolution(self, name: str, kind: str) -> float | None:
         """Position of one encoder count of a joint [rad or m]."""
@@ -113,6 +110,39 @@ class Axis:
             if name not in self.names:
                 raise DataError(f"{key}: joint must be among those of the axis, {listing(self.names)}; {name!r} given")
         return self.joint.name in names
+
+
+def _setup(table: Mapping[str, Any]) -> Setup:
+    """What the table [axis] says of how the robot was set up."""
+    angles = {key: subtable(table, key) for key in ("pose", "zero")}
+    for key, given in angles.items():
+        for name, value in given.items():
+            if not _are_numbers(value):
+                raise DataError(f"axis.{key}.{name} must be a number [rad or m]; {value!r} given")
+    gravity = table.get("gravity")
+    if gravity is not None and not (isinstance(gravity, list) and len(gravity) == 3 and _are_numbers(*gravity)):
+        raise DataError(f"axis.gravity must be three numbers, as in [0.0, 0.0, -9.81] [m/s^2]; {gravity!r} given")
+    backwards = table.get("reversed", [])
+    if not (isinstance(backwards, list) and all(isinstance(name, str) for name in backwards)):
+        raise DataError(f'axis.reversed must be a list of joints, as in ["elbow"]; {backwards!r} given')
+    x, y, z = gravity or (0.0, 0.0, 0.0)
+    payload = _payload(subtable(table, "payload")) if "payload" in table else None
+    return Setup(angles["pose"], payload, (x, y, z) if gravity else None, angles["zero"], tuple(backwards))
+
+
+def _payload(table: Mapping[str, Any]) -> Payload:
+    """The table axis.payload."""
+    expect_known(table, ("body", "mass", "position"), "axis.payload.")
+    body, mass, place = table.get("body"), table.get("mass"), table.get("position", [0.0, 0.0, 0.0])
+    if not (isinstance(body, str) and isinstance(place, list) and len(place) == 3 and _are_numbers(mass, *place)):
+        wanted = '{ body = "hand", mass = 0.4, position = [0.0, 0.0, 0.1] } [kg, m]'
+        raise DataError(f"axis.payload must be a table as in {wanted}; {dict(table)!r} given")
+    x, y, z = place
+    return Payload(body, float(mass or 0.0), (x, y, z))
+
+
+def _are_numbers(*values: object) -> bool:
+    return all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e6 for v in values)
 
 
 def encoder_count(axis: Mapping[str, Any], kind: str) -> float | None:

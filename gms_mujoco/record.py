@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -27,6 +27,7 @@ UNITS: Mapping[str, str] = {
     "reference": "rad",
     "rigid_torque": "N m",
     "inertia_change": "kg m^2",
+    "transmitted_torque": "N m",
 }
 REQUIRED = ("torque", "position")
 
@@ -41,12 +42,14 @@ class Record:
         signals: (n,) each, by the names in `UNITS`. `torque` is what the drive was told (or measured) to apply
             from each sample to the next; `position` is read at the sample; `reference` is where a closed loop was told
             to be, which the indirect estimate of a frequency response needs. Of a joint of a robot, `rigid_torque` is
-            what the rigid bodies take beyond inertia times acceleration, and `inertia_change` what the inertia about
-            the joint is in that pose less the axis's (see robot.py).
+            what the rigid bodies take beyond inertia times acceleration, `inertia_change` what the inertia about
+            the joint is in that pose less the axis's, and `transmitted_torque` the load of its gear where no `load` was
+            recorded (see robot.py).
         use: "fit" (identifies parameters), "select" (chooses between models) or "validate" (scored after every choice).
         resolution: position of one encoder count [rad or m], None where unknown.
         sensed: whether `torque` was read at the samples, as `position` is: a column `current` whose rows come by
             another clock than that of the drive.
+        others: (n,) measured position of each other joint of the robot, by name [rad or m].
 
     Raises:
         DataError: a signal is missing, has another length, is not finite, or time does not run forward evenly.
@@ -58,6 +61,7 @@ class Record:
     use: str = "fit"
     resolution: float | None = None
     sensed: bool = False
+    others: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -110,8 +114,9 @@ class Record:
         return self.signals["position"]
 
     def get(self, signal: str) -> Array | None:
-        """(n,) signal by name, None where it was not recorded."""
-        return self.signals.get(signal)
+        """(n,) signal by name, None where it was not recorded; for a load then what the gear transmits by the model."""
+        found = self.signals.get(signal)
+        return self.signals.get("transmitted_torque") if found is None and signal == "load" else found
 
     def held(self, parts: int) -> Array:
         """(parts * n,) torque held over each of so many parts of a sample [N m].
@@ -129,8 +134,8 @@ class Record:
 
     def slice(self, start: int, stop: int, **changes: object) -> Self:
         """Samples `start` to `stop` as a record of their own."""
-        cut = {k: v[start:stop] for k, v in self.signals.items()}
-        return replace(self, time=self.time[start:stop], signals=cut, **changes)  # type: ignore[arg-type]
+        signals, others = ({k: v[start:stop] for k, v in part.items()} for part in (self.signals, self.others))
+        return replace(self, time=self.time[start:stop], signals=signals, others=others, **changes)  # type: ignore[arg-type]
 
 
 def told_uses(uses: Sequence[str], given: str) -> str:

@@ -25,10 +25,8 @@ _AS_DECLARED = 0.7  # of a declared count: positions with smaller steps come of 
 _OTHERS = "position of "  # before the name of another joint of the robot, among the signals
 
 
-def read(
-    key: str, entry: Mapping[str, Any], folder: Path, axis: Axis
-) -> tuple[Record, dict[str, Array], list[str]]:
-    """A record, the measured positions of other joints of the robot, and what was done to it, a sentence each.
+def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[Record, list[str]]:
+    """A record, and what was done to it, a sentence each.
 
     Args:
         key: what the entry is called in messages, "record 1".
@@ -91,7 +89,7 @@ def read(
         short += f" episode {episode}"
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
-    return Record(short, time, signals, use, count, sensed), others, [n for n in notes if n]
+    return Record(short, time, signals, use, count, sensed, others), [n for n in notes if n]
 
 
 def _as_read(

@@ -79,7 +79,6 @@ def describe(misfit: Misfit, vector: Array) -> str:
         jump := _jump(runs, total),
         _wandering(runs, total, jump[0]),
         _apart(runs, total, plant),
-        _of_bodies(runs, total),
     ]
     least = max(_NOTABLE, _BESIDE * max(share for share, _ in readings))
     said += [text for share, text in readings if share > least]
@@ -245,17 +244,6 @@ def _apart(runs: Sequence[tuple[Observation, Array]], total: float, plant: Plant
     by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
     name = runs[k][0].record.name
     return share, f"as by {what} that is another in each record ({_percent(share)}; {by} in {name})"
-
-
-def _of_bodies(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
-    """That a robot's rigid bodies take another torque than its model says, in the same proportion everywhere."""
-    bodies = np.concatenate([np.broadcast_to(o.rigid, len(r)) for o, r in runs])
-    with_it, square = float(np.concatenate([r for _, r in runs]) @ bodies), float(bodies @ bodies)
-    if not square:
-        return 0.0, ""
-    share = with_it**2 / square / total
-    by = f"{100 * with_it / square:+.0f} %"
-    return share, f"as by {by} of the torque that the bodies of the model take ({_percent(share)})"
 
 
 def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:

@@ -17,9 +17,10 @@ has it from the other side, as the torque of the drive and of friction less what
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -36,7 +37,46 @@ Array = NDArray[np.float64]
 
 _KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "hinge", int(mujoco.mjtJoint.mjJNT_SLIDE): "slide"}
 _POSES = 300  # in which the largest inertia is looked for
+_ROTOR = 1.0  # kg m^2
 _GLANCES = 50  # poses of a record that say how large its inertia is
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A point mass on a body of the model that the model lacks; a negative one where it has too much.
+
+    Attributes:
+        body: its name.
+        mass: [kg].
+        position: in the frame of the body [m].
+    """
+
+    body: str
+    mass: float
+    position: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a robot was set up, where that is not as its model has it.
+
+    Attributes:
+        pose: positions of joints that are not measured [rad or m].
+        payload: what it carries.
+        gravity: in the frame of the world [m/s^2], None for the model's: of a robot on a wall.
+        zero: where joints stand in the model when their encoders read zero [rad or m].
+        reversed: names of joints whose encoders count backwards; the torque of such a joint counts so too.
+    """
+
+    pose: Mapping[str, float] = field(default_factory=dict)
+    payload: Payload | None = None
+    gravity: tuple[float, float, float] | None = None
+    zero: Mapping[str, float] = field(default_factory=dict)
+    reversed: tuple[str, ...] = ()
+
+    def sense(self, joint: str) -> float:
+        """1, or -1 of a joint that counts backwards."""
+        return -1.0 if joint in self.reversed else 1.0
 
 
 @dataclass(frozen=True)
@@ -62,14 +102,14 @@ class Robot:
     Args:
         path: MJCF (or .mjb) file.
         joint: name of a hinge or slide joint.
-        pose: positions of joints that are not measured [rad or m]; the others stand as the model has them.
+        setup: how it was set up, where that is not as the model has it.
 
     Raises:
-        DataError: no such file or joint, or one that is neither hinge nor slide.
+        DataError: no such file, joint or body, or a joint that is neither hinge nor slide.
     """
 
-    def __init__(self, path: str | Path, joint: str, pose: Mapping[str, float] | None = None) -> None:
-        self.path, self.joint = Path(path), joint
+    def __init__(self, path: str | Path, joint: str, setup: Setup | None = None) -> None:
+        self.path, self.joint, self.setup = Path(path), joint, setup or Setup()
         if not self.path.is_file():
             raise DataError(f"axis.model: no such file: {path}")
         try:
@@ -87,11 +127,19 @@ class Robot:
         if joint not in self._index:
             raise DataError(f"axis.joint: {self.path.name} has no hinge or slide joint {joint!r}; it has "
                             f"{listing(self._index)}")
+        for key in ("pose", "zero", "reversed"):
+            for name in getattr(self.setup, key):
+                if name not in self._index:
+                    known = listing(self._index)
+                    raise DataError(f"axis.{key}: no hinge or slide joint {name!r}; the model has {known}")
         self._rest = np.array(self.model.qpos0)
-        for name, value in (pose or {}).items():
-            if name not in self._index:
-                raise DataError(f"axis.pose: no hinge or slide joint {name!r}; the model has {listing(self._index)}")
+        for name, value in self.setup.pose.items():
             self._rest[self._address(name)] = value
+        if self.setup.gravity is not None:
+            self.model.opt.gravity = self.setup.gravity
+        self._bodies = [(self.model, 1.0)]  # what adds up to the bodies of the robot
+        if (payload := self.setup.payload) is not None:
+            self._bodies.append((self._alone(payload), math.copysign(1.0, payload.mass)))
 
     def _address(self, name: str) -> int:
         return int(self.model.jnt_qposadr[self._index[name]])
@@ -106,7 +154,7 @@ class Robot:
 
     @cached_property
     def inertia(self) -> float:
-        """J: the largest inertia about the joint in the joint ranges [kg m^2], for the pose in which it is largest."""
+        """J: the largest inertia about the joint in the joint ranges, without a payload [kg m^2]."""
         rng = np.random.default_rng(0)
         poses = np.tile(self._rest, (_POSES, 1))
         for name, i in self._index.items():
@@ -121,54 +169,84 @@ class Robot:
         for q in poses:
             data.qpos = q
             mujoco.mj_fwdPosition(self.model, data)
-            largest = max(largest, float(self._row(data)[self._dof(self.joint)]))
+            largest = max(largest, float(self._row(self.model, data)[self._dof(self.joint)]))
         return largest
 
-    def _row(self, data: mujoco.MjData) -> Array:
+    def _row(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
         """(nv,) row of the inertia matrix that belongs to the joint, for a pose whose kinematics are known."""
-        unit, row = np.zeros(self.model.nv), np.empty(self.model.nv)
+        unit, row = np.zeros(model.nv), np.empty(model.nv)
         unit[self._dof(self.joint)] = 1.0
-        mujoco.mj_mulM(self.model, data, row, unit)
-        return row
+        mujoco.mj_mulM(model, data, row, unit)
+        return row - (0.0 if model is self.model else _ROTOR) * unit
+
+    @cached_property
+    def moved(self) -> tuple[str, ...]:
+        """Names of the bodies that the joint moves, its own first; those without a name are left out."""
+        own, m = int(self.model.jnt_bodyid[self._index[self.joint]]), self.model
+        found = [own]
+        for b in range(own + 1, m.nbody):  # parents come before their children
+            found += [b] if int(m.body_parentid[b]) in found else []
+        return tuple(name for b in found if (name := m.body(b).name))
+
+    def _alone(self, payload: Payload) -> mujoco.MjModel:
+        """The model with a payload, of the size of its mass, as the only body that weighs anything."""
+        names = [self.model.body(b).name for b in range(self.model.nbody)]
+        if payload.body not in names:
+            known = listing([n for n in names if n])
+            raise DataError(f"axis.payload: no body {payload.body!r}; {self.path.name} has {known}")
+        alone, here = copy.deepcopy(self.model), names.index(payload.body)
+        for of_others in (
+            alone.body_mass, alone.body_inertia, alone.body_gravcomp, alone.jnt_stiffness, alone.tendon_stiffness,
+            alone.tendon_armature,
+        ):  # fmt: skip
+            of_others[:] = 0.0
+        alone.opt.density = alone.opt.viscosity = 0.0
+        alone.dof_armature[:] = _ROTOR  # MuJoCo knows no joint without inertia
+        alone.body_mass[here], alone.body_ipos[here] = abs(payload.mass), payload.position
+        mujoco.mj_setConst(alone, mujoco.MjData(alone))
+        return alone
 
     def torque(self, position: Mapping[str, Array], velocity: Mapping[str, Array]) -> RigidTorque:
         """The rigid-body torque along a motion, from `mj_inverse`; joints that are not given stand still.
 
         Args:
-            position, velocity: (n,) by name of the joint [rad], [rad/s].
+            position, velocity: (n,) by name of the joint, as its encoder reads [rad], [rad/s].
         """
-        n, m, data, dof = len(position[self.joint]), self.model, mujoco.MjData(self.model), self._dof(self.joint)
-        qpos, qvel = np.tile(self._rest, (n, 1)), np.zeros((n, m.nv))
+        n, dof = len(position[self.joint]), self._dof(self.joint)
+        qpos, qvel = np.tile(self._rest, (n, 1)), np.zeros((n, self.model.nv))
         for name in position:
-            qpos[:, self._address(name)] = position[name]
-            qvel[:, self._dof(name)] = velocity[name]
-        row, bias = np.empty((n, m.nv)), np.empty(n)
-        for k in range(n):
-            data.qpos, data.qvel = qpos[k], qvel[k]  # and no acceleration
-            mujoco.mj_inverse(m, data)
-            # Friction is what is to be found: of the passive torques only those of rigid bodies and springs count.
-            friction = data.qfrc_passive[dof] - data.qfrc_spring[dof] - data.qfrc_gravcomp[dof]
-            bias[k] = data.qfrc_inverse[dof] + friction
-            row[k] = self._row(data)
-        return RigidTorque(bias, {name: row[:, self._dof(name)].copy() for name in position})
+            sense, zero = self.setup.sense(name), self.setup.zero.get(name, 0.0)
+            qpos[:, self._address(name)] = sense * position[name] + zero
+            qvel[:, self._dof(name)] = sense * velocity[name]
+        row, bias = np.zeros((n, self.model.nv)), np.zeros(n)
+        for model, sign in self._bodies:
+            data = mujoco.MjData(model)
+            for k in range(n):
+                data.qpos, data.qvel = qpos[k], qvel[k]  # and no acceleration
+                mujoco.mj_inverse(model, data)
+                # Friction is what is to be found: of the passive torques only those of rigid bodies and springs count.
+                friction = data.qfrc_passive[dof] - data.qfrc_spring[dof] - data.qfrc_gravcomp[dof]
+                bias[k] += sign * (data.qfrc_inverse[dof] + friction)
+                row[k] += sign * self._row(model, data)
+        own = self.setup.sense(self.joint)
+        senses = {name: own * self.setup.sense(name) for name in position}
+        return RigidTorque(own * bias, {name: sense * row[:, self._dof(name)] for name, sense in senses.items()})
 
-    def on(self, records: Sequence[Record], others: Sequence[Mapping[str, Array]]) -> tuple[list[Record], list[str]]:
+    def on(self, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
         """Records of the joint with their rigid-body torque, and its transmitted torque where no load was recorded.
 
         Args:
-            records: of the joint.
-            others: for each record the (n,) measured positions of other joints by name [rad].
+            records: of the joint, with the measured positions of others.
 
         Returns:
             The records, and a sentence about the inertia along them, and one on those that reach an end stop.
         """
-        motions = [{self.joint: r.position, **more} for r, more in zip(records, others, strict=True)]
         glance = []
-        for motion in motions:
-            few = {k: q[:: max(len(q) // _GLANCES, 1)] for k, q in motion.items()}
+        for r in records:
+            few = {k: q[:: max(len(q) // _GLANCES, 1)] for k, q in self.measured(r).items()}
             glance.append(self.torque(few, {k: np.zeros_like(q) for k, q in few.items()}).inertia[self.joint])
         bandwidth = choose_bandwidth(records, float(np.mean(np.concatenate(glance))))
-        found = [self._with(r, motion, bandwidth) for r, motion in zip(records, motions, strict=True)]
+        found = [self._with(r, bandwidth) for r in records]
         along = np.concatenate([r.signals["inertia_change"] for r in found]) + self.inertia
         unit = "kg m^2" if self.kinds[self.joint] == "hinge" else "kg"
         note = (
@@ -193,20 +271,54 @@ class Robot:
             "of an end stop is no friction; leave that part out, as in span = [1.0, 9.5]"
         ]
 
-    def _with(self, record: Record, motion: Mapping[str, Array], bandwidth: float) -> Record:
-        h = record.sample_time
-        smooth = {name: Observation(record, bandwidth).again(q) for name, q in motion.items()}
-        position = {name: o.position for name, o in smooth.items()}
-        rigid = self.torque(position, {name: o.velocity for name, o in smooth.items()})
-        # Accelerations enter linearly: those of the measured positions pass the band of whoever looks at the record.
+    def set_up(self, setup: Setup) -> Robot:
+        """The same, set up in another way."""
+        return Robot(self.path, self.joint, setup)
+
+    def along(self, o: Observation) -> Array:
+        """(m,) band-limited torque of the bodies, but for that of the joint's own acceleration by an inertia that does
+        not change, along a record that is seen through a band [N m].
+        """
+        position, velocity = self._smooth(o)
+        position, velocity = ({k: x[o.index] for k, x in part.items()} for part in (position, velocity))
+        h, motion = o.record.sample_time, self.measured(o.record)
+        rigid = self.torque(position, velocity)
+        return rigid.bias + rigid.accelerating({k: o.band(second_difference(q, h)) for k, q in motion.items()})
+
+    def alone(self, payload: Payload) -> Robot:
+        """A robot of which a payload is all that weighs anything."""
+        out = self.set_up(replace(self.setup, payload=payload))
+        out._bodies = out._bodies[1:]
+        return out
+
+    def measured(self, record: Record) -> dict[str, Array]:
+        """(n,) measured position of each joint by name."""
+        return {self.joint: record.position, **record.others}
+
+    def _smooth(self, seen: Observation) -> tuple[dict[str, Array], dict[str, Array]]:
+        """(n,) position and velocity of each joint by name, as smooth as those of an axis."""
+        smooth = {name: seen.again(q) for name, q in self.measured(seen.record).items()}
+        return {k: o.position for k, o in smooth.items()}, {k: o.velocity for k, o in smooth.items()}
+
+    def _among(self, record: Record, rigid: RigidTorque) -> Array:
+        """(n,) torque of the bodies but for what the joint's own acceleration takes.
+
+        Accelerations enter linearly: those of the measured positions pass the band of whoever looks at the record.
+        """
+        h, motion = record.sample_time, self.measured(record)
         others = {name: second_difference(q, h) for name, q in motion.items() if name != self.joint}
+        return smooth_mean(rigid.bias) + rigid.accelerating(others)
+
+    def _with(self, record: Record, bandwidth: float) -> Record:
+        position, velocity = self._smooth(Observation(record, bandwidth))
+        rigid = self.torque(position, velocity)
         signals = {
             **record.signals,
-            "rigid_torque": smooth_mean(rigid.bias) + rigid.accelerating(others),
+            "rigid_torque": self._among(record, rigid),
             "inertia_change": rigid.inertia[self.joint] - self.inertia,
         }
-        if "load" not in signals:  # friction takes its absolute value: here noise would add up
-            acceleration = {k: second_difference(q, h) for k, q in position.items()}
-            rotor = float(self.model.dof_armature[self._dof(self.joint)]) * acceleration[self.joint]
-            signals["load"] = rigid.bias + rigid.accelerating(acceleration) - rotor
+        # Friction takes the absolute value of a load: noise of the measured positions would add up.
+        acceleration = {k: second_difference(q, record.sample_time) for k, q in position.items()}
+        rotor = float(self.model.dof_armature[self._dof(self.joint)]) * acceleration[self.joint]
+        signals["transmitted_torque"] = rigid.bias + rigid.accelerating(acceleration) - rotor
         return replace(record, signals=signals)

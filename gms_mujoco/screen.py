@@ -207,6 +207,12 @@ class Screen:
         both = [c.columns for c in (one, other) if c.columns is not None]
         return self._predicted(np.column_stack(both), self._kept(one.effect) * self._kept(other.effect))
 
+    def explained(self, one: Candidate, beside: Array) -> float:
+        """Squared residual that a candidate explains together with torques (m, k) of which each has one strength."""
+        assert one.columns is not None
+        free = self.model.without(np.column_stack([one.columns, beside * self.model.determined[:, None]]))
+        return _projected(free, self.model.target)
+
     def _predicted(self, columns: Array | None, kept: float) -> HeldOut:
         """What is left of each block with some columns more, for a drive that delivers everything."""
         rows = self.model.held_out(columns) / math.sqrt(self._delivered * kept)

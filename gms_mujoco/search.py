@@ -204,6 +204,13 @@ class Search:
         gains = [c.gain for c in self._candidates(screen)]
         return (1 - max(gains, default=0.0)) * left_of(current.misfit, current.vector)
 
+    def likeliest_beside(self, columns: Array) -> Effect | None:
+        """The effect that leaves least in a linear refit in which torques (m, k) are free too; None where none can."""
+        current = self.steps[-1].result
+        screen = Screen(current.misfit, current.vector)
+        found = [c for c in self._candidates(screen) if c.columns is not None]
+        return max(found, key=lambda c: screen.explained(c, columns)).effect if found else None
+
     def add_one(self, report: Progress) -> bool:
         """Adds the effect that earns it most; False where none does."""
         current, fits = self.steps[-1].result, self.fits

@@ -34,6 +34,7 @@ _TABLES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
     "load": (_TORQUE, _FORCE),
     "rigid_torque": (_TORQUE, _FORCE),
     "inertia_change": ({"kgm^2": 1.0}, {"kg": 1.0}),
+    "transmitted_torque": (_TORQUE, _FORCE),
     "current": (_CURRENT, _CURRENT),
 }
 _COUNTED = ("position", "reference", "velocity")

@@ -40,7 +40,7 @@ LAYERS = [
     {"search"},
     {"recheck", "friction_law"},
     {"paths"},
-    {"given_inertia"},
+    {"given_inertia", "given_setup"},
     {"diagnose"},
     {"bootstrap"},
     {"page", "page_frf", "page_servo"},

@@ -13,7 +13,7 @@ from gms_mujoco.dataset import joints, load
 from gms_mujoco.errors import DataError
 from gms_mujoco.inverse import second_difference
 from gms_mujoco.record import Record
-from gms_mujoco.robot import Robot
+from gms_mujoco.robot import Payload, Robot, Setup
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 import arm
@@ -53,6 +53,40 @@ def test_rigid_torque_of_a_pendulum_with_a_sliding_mass_is_the_textbook_s(pendul
     assert np.allclose(rigid.accelerating(a), inertia * a["hip"], rtol=1e-6)
 
 
+@pytest.mark.parametrize("mass", [0.7, -0.7])
+def test_a_payload_takes_what_a_geom_of_its_mass_does(pendulum: Path, mass: float) -> None:
+    _, q, v, a = motion()
+    q, v, a = ({k: x[::20] for k, x in part.items()} for part in (q, v, a))
+    geom = f'<geom type="sphere" size="1e-3" pos="0.1 0.02 -0.3" mass="{abs(mass)}"/>'
+    (pendulum.parent / "heavier.xml").write_text(PENDULUM.replace('mass="1"/>', f'mass="1"/>{geom}'))
+    body = '<body pos="0 0 -0.5"><joint name="slider"'
+    named = PENDULUM.replace(body, body.replace("<body", '<body name="bob"'))
+    pendulum.write_text(named)
+    bare = Robot(pendulum, "hip")
+    loaded = bare.set_up(Setup(payload=Payload("bob", mass, (0.1, 0.02, -0.3))))
+    heavier = Robot(pendulum.parent / "heavier.xml", "hip")
+    assert heavier.model.body_mass.sum() == pytest.approx(bare.model.body_mass.sum() + 0.7)
+    without, with_it, compiled = (r.torque(q, v) for r in (bare, loaded, heavier))
+    sign = np.sign(mass)
+    assert np.allclose(with_it.bias - without.bias, sign * (compiled.bias - without.bias), atol=1e-6)
+    for joint in ("hip", "slider"):
+        change = with_it.inertia[joint] - without.inertia[joint]
+        assert np.allclose(change, sign * (compiled.inertia[joint] - without.inertia[joint]), atol=1e-6)
+    with pytest.raises(DataError, match=r"no body 'hand'; pendulum\.xml has"):
+        bare.set_up(Setup(payload=Payload("hand", 1.0, (0.0, 0.0, 0.0))))
+
+
+def test_a_zero_and_gravity_are_those_of_a_model_that_has_them(pendulum: Path) -> None:
+    _, q, v, _ = motion()
+    q, v = ({k: x[::20] for k, x in part.items()} for part in (q, v))
+    robot = Robot(pendulum, "hip")
+    turned = robot.set_up(Setup(zero={"hip": 0.4})).torque(q, v)
+    assert np.allclose(turned.bias, robot.torque({**q, "hip": q["hip"] + 0.4}, v).bias)
+    # Gravity along -x is the world turned by a quarter about the joint.
+    on_a_wall = robot.set_up(Setup(gravity=(-9.81, 0.0, 0.0))).torque(q, v)
+    assert np.allclose(on_a_wall.bias, robot.torque({**q, "hip": q["hip"] - np.pi / 2}, v).bias, atol=1e-9)
+
+
 def test_a_record_carries_all_of_the_torque_of_mj_inverse() -> None:
     rng = np.random.default_rng(3)
     robot = Robot(gms.MODELS / "arm.xml", "elbow")
@@ -66,15 +100,15 @@ def test_a_record_carries_all_of_the_torque_of_mj_inverse() -> None:
         data.qacc = (-0.4 * w**2 * np.sin(w * t + phase))[:, k]
         mujoco.mj_inverse(model, data)
         full.append(data.qfrc_inverse[model.joint("elbow").id])
-    record = Record("elbow", t, {"torque": np.array(full), "position": q[names.index("elbow")]})
     others = {name: q[i] for i, name in enumerate(names) if name != "elbow"}
-    (found,), (note,) = robot.on([record], [others])
+    record = Record("elbow", t, {"torque": np.array(full), "position": q[names.index("elbow")]}, others=others)
+    (found,), (note,) = robot.on([record])
     inertia = found.signals["inertia_change"] + robot.inertia
     total = inertia * second_difference(found.position, 1e-3) + found.signals["rigid_torque"]
     inside = slice(100, -100)
     assert np.abs(total - full)[inside].max() < 2e-4 * np.ptp(full)
     rotor = model.dof_armature[model.joint("elbow").id] * -(0.4 * w**2 * np.sin(w * t + phase))[names.index("elbow")]
-    assert np.abs(found.signals["load"] - (full - rotor))[inside].max() < 2e-3 * np.ptp(full)
+    assert np.abs(found.get("load") - (full - rotor))[inside].max() < 2e-3 * np.ptp(full)
     assert (inertia < 1.001 * robot.inertia).all() and "elbow" in note
 
 
@@ -98,9 +132,9 @@ def test_load_means_the_same_in_a_record_and_in_mujoco(tmp_path: Path) -> None:
         data.ctrl = data.qfrc_bias + inertia * (3600 * (start + target[i] - q[i]) + 120 * (speed[i] - data.qvel))
         mujoco.mj_step(model, data)
         torque[i], friction[i] = data.ctrl[k], gms.friction(model, data, "elbow").torque
-    record = Record("elbow", np.arange(n) * h, {"torque": torque, "position": q[:, k]})
     others = {name: q[:, j] for j, name in enumerate(names) if j != k}
-    (found,), _ = Robot(tmp_path / "arm.xml", "elbow").on([record], [others])
+    record = Record("elbow", np.arange(n) * h, {"torque": torque, "position": q[:, k]}, others=others)
+    (found,), _ = Robot(tmp_path / "arm.xml", "elbow").on([record])
     motion = found.time, found.position, np.gradient(found.position, h), found.get("load")
     inside = slice(300, -300)
 
@@ -114,16 +148,16 @@ def test_load_means_the_same_in_a_record_and_in_mujoco(tmp_path: Path) -> None:
 def test_a_joint_at_the_end_of_its_range_is_told(pendulum: Path) -> None:
     t, q, *_ = motion()
     record = Record("run", t, {"torque": np.zeros_like(t), "position": q["slider"]})
-    assert len(Robot(pendulum, "slider").on([record], [{}])[1]) == 1
+    assert len(Robot(pendulum, "slider").on([record])[1]) == 1
     far = Record("far", t, {"torque": np.zeros_like(t), "position": 4 * q["slider"]})
-    _, (_, said) = Robot(pendulum, "slider").on([record, far], [{}, {}])
+    _, (_, said) = Robot(pendulum, "slider").on([record, far])
     assert "-0.3 to 0.3 m in far" in said
 
 
 def test_a_joint_that_is_not_measured_stands_in_the_pose_given(pendulum: Path) -> None:
     q, still = {"hip": np.linspace(-1, 1, 50)}, {"hip": np.zeros(50)}
     for at in (0.0, 0.2):
-        rigid = Robot(pendulum, "hip", {"slider": at}).torque(q, still)
+        rigid = Robot(pendulum, "hip", Setup({"slider": at})).torque(q, still)
         assert np.allclose(rigid.bias, 9.81 * (2 * 0.5 + 0.5 - at) * np.sin(q["hip"]))
 
 
