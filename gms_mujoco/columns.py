@@ -19,12 +19,15 @@ Array = NDArray[np.float64]
 COLUMNS = (*UNITS, "current")
 OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
 _ASKED_FOR = ("reference",)  # a column of that name may be anything
-_IN_BRACKETS = re.compile(r"\s*/?\s*[\[(]([^\[\]()]+)[\])]\s*$")  # "Torque [mNm]", "v / (rad/s)"
+_IN_BRACKETS = re.compile(r"\s*/?\s*[\[({]([^\[\](){}]+)[\])}]\s*$")  # "Torque [mNm]", "v / (rad/s)"
 _BEHIND_A_BAR = re.compile(r"(?:_|\s*[/,]\s*)([^\s_,/]+(?:/[a-z]+)?)\s*$")  # "torque_mNm", "M / mNm"
+_PARTS = re.compile(r"(?<=[\W_])[^\W_]{2,}|(?<=[a-z])[A-Z][a-z]+$")  # "q_deg_filtered", "position in deg", "PosDeg"
 _WORDS = ("in", "d", "h", "m", "N")  # behind a bar they are more often no units
+_INSIDE = ("min", "rev", "turn", "inc", "count", "counts")  # inside a name they are
 _NO_UNITS = ("%", "‰")  # of something that only the user knows
 _MANY = 20  # different whole numbers, which are no radians or metres
 _COARSE = 0.02  # of the stamps of a clock repeat the one before
+_SPARSE = 0.5  # of the rows of the position, that a column of the same source has at least
 _LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 
 
@@ -115,7 +118,19 @@ def pick(
     stated = {key: stated_unit(table, at, key) for key, at in wanted.items()}
     if rate is not None:
         raw["time"] = np.arange(max(map(len, raw.values()))) / rate
+    elif (rest := _nanoseconds_beside(table, wanted["time"])) is not None:
+        raw["time"] = raw["time"] - raw["time"][0] + 1e-9 * rest
     return raw, {key: unit for key, unit in stated.items() if unit}
+
+
+def _nanoseconds_beside(table: formats.Table, at: Any) -> Array | None:
+    """The nanoseconds of stamps of which a column has the whole seconds, as those of ROS are written; None where there
+    are none."""
+    name = table.names[at] if isinstance(at, int) else at
+    if not (match := re.search(r"secs?$", name)) or np.any(table.columns[name] % 1):
+        return None
+    beside = (name[: match.start()] + rest for rest in ("nsecs", "nsec", "nanosec", "nanosecs"))
+    return next((table.columns[k] for k in beside if k in table.columns), None)
 
 
 def by_name(table: formats.Table, words: Mapping[str, str]) -> dict[str, str]:
@@ -132,7 +147,7 @@ def by_name(table: formats.Table, words: Mapping[str, str]) -> dict[str, str]:
 
 def stated_unit(table: formats.Table, at: Any, what: str) -> str:
     """The unit of a column that the file states beside it or in its name, as it is written, or ""."""
-    name = list(table.columns)[at] if isinstance(at, int) else at
+    name = table.names[at] if isinstance(at, int) else at
     unit = (table.units.get(name) or _parted(name, what)[1]).strip(" -")
     return "" if unit.isdecimal() else unit
 
@@ -144,6 +159,11 @@ def _parted(name: str, what: str) -> tuple[str, str]:
     match = _BEHIND_A_BAR.search(name)
     if match and match[1] not in _WORDS and units.measures(match[1], what):
         return name[: match.start()].strip(), match[1]
+    found = [m for m in _PARTS.finditer(name) if m[0].lower() not in _WORDS and units.measures(m[0], what)]
+    if len(found) == 1 and (unit := found[0]).end() == len(name):
+        return re.sub(r"[\W_]+(in)?[\W_]*$", "", name[: unit.start()]), unit[0]
+    if len(found) == 1 and unit[0].lower() not in _INSIDE:
+        return name.strip(), unit[0]
     return name.strip(), ""
 
 
@@ -168,9 +188,9 @@ def column(table: formats.Table, label: str, at: Any, guessed: str | None = None
     if isinstance(at, bool) or not isinstance(at, int | str):
         raise DataError(f"{label} must be the name or the number of a column; {at!r} given")
     if isinstance(at, int):
-        if not 0 <= at < len(table.columns):
-            raise DataError(f"{label}: no column {at}; there are {len(table.columns)}, counted from 0")
-        at = list(table.columns)[at]
+        if not 0 <= at < len(table.names):
+            raise DataError(f"{label}: no column {at}; there are {len(table.names)}, counted from 0")
+        at = table.names[at]
     if at in table.unusable:
         raise DataError(f"column {at!r}: {table.unusable[at]}")
     if at not in table.columns:
@@ -202,7 +222,7 @@ def as_stated(
     """
     said, unknown = [], []
     for key, unit in stated.items():
-        if not units.is_unit(unit) and unit not in _NO_UNITS:
+        if not units.is_unit(unit) and not units.measures(unit, (like or {}).get(key, key)) and unit not in _NO_UNITS:
             unknown.append(f"{unit!r} beside {key}")
             continue
         try:
@@ -211,23 +231,42 @@ def as_stated(
             raise DataError(f"the file states a unit of {key}: {error}; or say otherwise with units or scale") from None
         if (factor, offset) != (1.0, 0.0):
             columns[key] = columns[key] * factor + offset
-            said.append(f"{key} in {unit}")
+            meant = units.in_column(unit, (like or {}).get(key, key), joint.kind)
+            said.append(f"{key} in {unit}" + f" ({meant})" * (meant != unit and meant.lower() == unit.lower()))
     told = [f"units as the file states them: {', '.join(said)}"] if said else []
     told += [f"{', '.join(unknown)} in the file is no unit that is known: taken as SI"] if unknown else []
     return "; ".join(told) or None
 
 
+def remarked(table: formats.Table, said: Mapping[str, Any], kind: str) -> str | None:
+    """A doubt where a line above the names speaks of a unit that is not SI, and nobody says the units."""
+    asked = ("position", "torque", "current")
+    if {*asked} & {*said}:
+        return None
+    for line in table.remarks:
+        words = re.findall(r"[^\W\d_]+", line)
+        words += [part for word in words for part in re.findall(r"[A-Z][a-z]+", word)]
+        for word in (w for w in words if len(w) > 1 and w not in _WORDS):
+            of = [what for what in asked if units.in_column(word, what, kind) in units.units_of(what, kind)]
+            if of and not any(units.is_si(word, what, kind) for what in of):
+                return (f"a line above the names speaks of {word} ({line.strip()[:60]!r}), and {of[0]} is taken as "
+                        f'SI: say units = {{ {of[0]} = "{word}" }} where it is that')
+    return None
+
+
 def expect_unit(columns: Mapping[str, Array], said: Mapping[str, Any], kind: str, *keys: str) -> None:
-    """Raises DataError where positions of which nobody says the unit are counts of an encoder: whole numbers."""
+    """Raises DataError where a column of which nobody says the unit has whole numbers: those of a converter."""
     for key in keys:
         values = columns[key][np.isfinite(columns[key])]
-        if key not in said and not np.any(values % 1) and len(np.unique(values)) >= _MANY:
-            si = "rad" if kind == "hinge" else "m"
-            raise DataError(
-                f"{key} has whole numbers only, from {values.min():g} to {values.max():g}, as an encoder counts; say "
-                f'units = {{ {key} = "counts" }}, scale = {{ {key} = ... }} [{si} per count] or units = {{ {key} = '
-                f'"{si}" }} where that is right'
-            )
+        if key in said or np.any(values % 1) or len(np.unique(values)) < _MANY:
+            continue
+        si = {"torque": ("N m", "N"), "current": ("A", "A")}.get(key, ("rad", "m"))[kind == "slide"]
+        counted = f'units = {{ {key} = "counts" }}, ' if key not in ("torque", "current") else ""
+        raise DataError(
+            f"{key} has whole numbers only, from {values.min():g} to {values.max():g}, as a converter counts; say "
+            f"{counted}scale = {{ {key} = ... }} [{si} per count] or units = {{ {key} = "
+            f'"{si}" }} where that is right'
+        )
 
 
 def into_si(raw: Array, key: str, unit: Any, scale: Any, kind: str, resolution: float | None) -> Array:
@@ -268,6 +307,37 @@ def trimmed(columns: dict[str, Array]) -> tuple[slice, str | None]:
     for key, value in columns.items():
         columns[key] = value[first:last]
     return slice(first, last), f"{first} samples at the start and {n - last} at the end are not all numbers: left out"
+
+
+def on_rows_of_position(columns: dict[str, Array], sensed: bool) -> tuple[NDArray[np.bool_] | slice, str | None]:
+    """Takes torque, and other joints, at the rows of the position where theirs are others, in place; those rows, and a
+    sentence where there are such.
+
+    A log of several sources with clocks of their own has a number in one column and none in the next. A torque that a
+    sensor read is interpolated, as positions are; one that was commanded stays until the next.
+    """
+    if len({len(c) for c in columns.values()}) != 1:
+        return slice(None), None
+    time, rows = columns["time"], np.isfinite(columns["position"])
+    needed = [k for k in columns if k == "torque" or (k.startswith("position") and k != "position")]
+    sparse = [k for k in needed if np.isfinite(columns[k][rows]).sum() < _SPARSE * rows.sum()]
+    if not sparse:
+        return slice(None), None
+    there = {k: np.isfinite(columns[k]) & np.isfinite(time) for k in sparse}
+    if any(t.sum() < 2 for t in there.values()):
+        return slice(None), None
+    rows &= np.isfinite(time) & (time >= max(time[t][0] for t in there.values()))
+    rows &= time <= min(time[t][-1] for t in there.values())
+    for key in sparse:
+        at, values = time[there[key]], columns[key][there[key]]
+        if key == "torque" and not sensed:
+            columns[key] = np.append(values, values[-1:])[np.searchsorted(at, time, side="right") - 1]
+        else:
+            columns[key] = np.interp(time, at, values)
+    for key, value in columns.items():
+        columns[key] = value[rows]
+    how = "as they were last" if sparse == ["torque"] and not sensed else "in between"
+    return rows, f"{listing(sparse)} stands in other rows than position: taken {how}"
 
 
 def without_repeats(columns: dict[str, Array]) -> tuple[NDArray[np.bool_] | slice, str | None]:

@@ -275,6 +275,8 @@ def find(path: str | Path) -> Path:
 
 def read_toml(file: Path) -> dict[str, Any]:
     """What stands in it; DataError where there is none or it is no TOML."""
+    if file.is_file() and file.suffix != ".toml" and not formats.known(file):
+        formats.find(file)
     if file.is_file() and formats.known(file):
         raise DataError(f"{file}: is a log; expected a measurement set, a folder with {FILE}; {_how(file)}")
     try:

@@ -276,7 +276,7 @@ def _turned(table: Table) -> Table:
 
 def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, tuple[Array, str]]:
     """Values and name in the file of every quantity."""
-    names = list(table.columns)
+    names = list(table.names)
     what = "line" if per_line else "column"
     if not table.named and not chosen:
         raise DataError(

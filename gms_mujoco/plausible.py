@@ -43,7 +43,23 @@ _FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is
 _JUMP = 0.6  # of one distance to another, that are taken to be the same
 _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
 _WHOLE = 1.01  # of what a counter holds, with room for how its ends were written
+_MANY_PLACES = 20  # an axis that moves
+_MOST_IN_TURNS, _IN_TURNS = 12, 3.0  # axes in one log; times what such an axis goes from one of its rows to the next
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
+
+
+def back_and_forth(position: Array) -> int:
+    """Every how many rows a position (n,) continues that goes back and forth between them; 0 where it does not.
+
+    No axis does: its rows are those of several.
+    """
+    whole = position[np.isfinite(position)]
+    if len(np.unique(whole)) < _MANY_PLACES:  # a count of an encoder, back and forth
+        return 0
+    step = [float(np.mean(np.abs(whole[k:] - whole[:-k]))) for k in range(1, min(_MOST_IN_TURNS, len(whole) - 1) + 1)]
+    if len(step) < 2 or step[0] <= _IN_TURNS * min(step[1:]):
+        return 0
+    return int(np.argmin(step)) + 1
 
 
 def unwrapped(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,8 +21,9 @@ from .slow_signal import Readings
 
 Array = NDArray[np.float64]
 
-_KEYS = ("file", "use", "joint", "episode", "rate", "span", "sensed", "columns", "units", "scale")
+_KEYS = ("file", "use", "joint", "episode", "where", "rate", "span", "sensed", "columns", "units", "scale")
 _AS_DECLARED = 0.7  # of a declared count: positions with smaller steps come of a finer encoder
+_APART = 0.5  # times the longest time from one of several axes to the next, that the shortest is at most
 _OTHERS = "position of "  # before the name of another joint of the robot, among the signals
 
 
@@ -43,7 +45,8 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
     table = formats.read(folder / name)
     try:
         episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")
-        table = table.episode(episode)
+        where = subtable(entry, "where")
+        table = table.episode(episode).where(where)
         signals, clock_said, note = _in_si(table, entry, axis)
         notes = [note]
         if sensed not in (None, True, False):
@@ -58,13 +61,16 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
             kept = timing.within(signals["time"], span)
             signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
             table = table.rows(kept)
-        for leave_out in (columns.trimmed, columns.without_repeats):
+        together = functools.partial(columns.on_rows_of_position, sensed=bool(sensed) or by_current)
+        for leave_out in (together, columns.trimmed, columns.without_repeats):
             rows, note = leave_out(signals)
             table = table.rows(rows)
             notes.append(note)
+        _expect_one_axis(table, signals)
         columns.check(table, signals)
         if not clock_said:
             timing.expect_clock(signals["time"])
+            notes.append(timing.doubt(signals["time"]))
         if sensed:
             signals, table, note = _as_read("torque", signals, table)
             notes.append(note)
@@ -87,9 +93,33 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
     short = Path(name).name if Path(name).is_absolute() else name
     if episode is not None:
         short += f" episode {episode}"
+    short += "".join(f" {k} {v}" for k, v in where.items())
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
     return Record(short, time, signals, use, count, sensed, others), [n for n in notes if n]
+
+
+def _expect_one_axis(table: formats.Table, signals: Mapping[str, Array]) -> None:
+    """Raises DataError where the rows are of several axes in turns."""
+    name, count = table.in_turns()
+    stamps, position = signals["time"], signals["position"]
+    if len(stamps) != len(position) or len(stamps) < 2:
+        return
+    step, shared = np.diff(stamps), False
+    if count:
+        turns = [float(np.mean(step[i::count])) for i in range(count)]
+        shared = min(turns) < _APART * max(turns)
+    back = plausible.back_and_forth(position)
+    if not shared and not back:
+        return
+    several = count if shared else back
+    if name:
+        one = {**table.texts, **table.columns}[name][0]
+        told = f'"{one}"' if isinstance(one, str) else f"{one:g}"
+        raise DataError(f"rows of {several} axes in turns, by {name}: choose one, as in where = {{ {name} = {told} }}")
+    raise DataError(f"position goes back and forth from row to row and continues every {several} rows, as where "
+                    f"{several} axes stand in turns; write a file of each, or choose the rows of one with where = "
+                    "{ column = value }")
 
 
 def _as_read(
@@ -125,8 +155,11 @@ def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[
     scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
     signals, stated = columns.pick(table, chosen, columns.rate(entry))
     stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
-    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, "position")
-    note = columns.as_stated(signals, stated, axis.joint)
+    raw = [key for key in ("position", "torque", "current") if key in signals]
+    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
+    note = columns.as_stated(signals, stated, axis.joint) or columns.remarked(
+        table, {**unit, **scale, **stated}, axis.joint.kind
+    )
     columns.convert(signals, unit, scale, axis.joint)
     for other, at in elsewhere.items():
         kind = axis.joint.others[other]

@@ -16,7 +16,8 @@ HELD = ("torque", "current")  # the drive holds these from one sample to the nex
 LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
 _FEWEST, _FEW = 16, 3  # samples of a part of a file that is worth a span, and such parts
 _SLOW, _FAST = 0.2, 5e-6  # s; nobody controls a joint at longer samples, or shorter ones
-_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
+_CLOCKS = {"ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
+_SLOWISH, _LONG = 0.03, 1200.0  # s; a step and a whole that are rather milliseconds read as seconds
 _EVEN = 0.02  # steps that differ by less than this part are even
 
 
@@ -45,9 +46,20 @@ def clock(time: Array) -> str | None:
     step = float(np.median(np.diff(time)))
     if _FAST < step <= _SLOW:
         return None
-    likely = next((u for u, size in _CLOCKS.items() if _FAST < size * step <= _SLOW), None)
-    asked = f'; if its time is in {likely}, say units = {{ time = "{likely}" }}' if likely else ""
-    return f"samples are {step:g} s apart{asked}"
+    likely = [u for u, size in _CLOCKS.items() if _FAST < size * step <= _SLOW]
+    each = ", or ".join(f'in {u} ({1 / (_CLOCKS[u] * step):.4g} rows a second)' for u in likely)
+    asked = f'; if its time is {each}, say units = {{ time = "{likely[0]}" }}' if likely else ""
+    counted = "; if it counts rows, say rate = ... [Hz] in the place of a column" if np.all(np.diff(time) == 1) else ""
+    return f"samples are {step:g} s apart{asked}{counted}"
+
+
+def doubt(time: Array) -> str | None:
+    """A sentence on times (n,) [s], of which nobody says the unit, that are slow and long for a log of a joint."""
+    step, whole = float(np.median(np.diff(time))), float(time[-1] - time[0])
+    if step < _SLOWISH or whole < _LONG:
+        return None
+    return (f"{len(time)} samples are {step:g} s apart, {whole / 60:.3g} minutes in all; if its time is in ms, say "
+            'units = { time = "ms" }')
 
 
 def expect_clock(time: Array) -> None:

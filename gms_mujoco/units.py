@@ -12,11 +12,12 @@ _REV = 2 * math.pi
 _LBF, _INCH = 4.4482216152605, 0.0254
 COUNTS = ("count", "counts", "inc")  # encoder counts: their size is a property of the axis
 
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
+_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
           "rev": _REV, "turn": _REV}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
 _TORQUE = {"Nm": 1.0, "kNm": 1e3, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665,
+           "kgcm": 0.0980665, "gcm": 9.80665e-5,
            "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16, "lbin": _LBF * _INCH, "ozin": _LBF * _INCH / 16}
 _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
 _CURRENT = {"A": 1.0, "mA": 1e-3, "uA": 1e-6}
@@ -67,7 +68,7 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
     Raises:
         DataError: an unknown unit, or a unit of something else.
     """
-    known, spelled = _known(column, kind), _spelled(unit)
+    known, spelled = units_of(column, kind), in_column(unit, column, kind)
     if spelled in known:
         return known[spelled]
     if column in _COUNTED and spelled.removesuffix("/s") in COUNTS:
@@ -79,17 +80,24 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
         return count, 0.0
     for other in (*_TABLES, "temperature"):
         for joint in ("hinge", "slide"):
-            if spelled in _known(other, joint):
+            if spelled in units_of(other, joint):
                 what = f"{other} of a {joint} joint"
                 raise DataError(f"{unit!r} measures {what}, not {column} of a {kind} joint; expected {listing(known)}")
     takes = [*known, *(["counts" + "/s" * (column == "velocity")] if column in _COUNTED else [])]
     raise DataError(f"unknown unit {unit!r}; {column} of a {kind} joint takes {listing(takes)}")
 
 
+def in_column(unit: str, column: str, kind: str) -> str:
+    """A unit as it is spelled here; in another case too where that has one meaning in this column: "mnm" is "mNm"."""
+    known, spelled = units_of(column, kind), _spelled(unit)
+    alike = [u for u in known if u.lower() == spelled.lower()]
+    return alike[0] if spelled not in known and len(alike) == 1 else spelled
+
+
 def is_unit(text: str) -> bool:
     """Whether it is a unit of anything that a record may have."""
     spelled = _spelled(text)
-    known = (_known(column, kind) for column in (*_TABLES, "temperature") for kind in ("hinge", "slide"))
+    known = (units_of(column, kind) for column in (*_TABLES, "temperature") for kind in ("hinge", "slide"))
     return spelled.removesuffix("/s") in COUNTS or any(spelled in units for units in known)
 
 
@@ -97,8 +105,13 @@ def measures(unit: str, column: str) -> bool:
     """Whether it is a unit of a column, of a hinge or of a slide joint."""
     spelled = _spelled(unit)
     counted = column in _COUNTED and spelled.endswith("/s") == (column == "velocity")
-    known = any(spelled in _known(column, kind) for kind in ("hinge", "slide"))
+    known = any(in_column(unit, column, kind) in units_of(column, kind) for kind in ("hinge", "slide"))
     return known or (counted and spelled.removesuffix("/s") in COUNTS)
+
+
+def is_si(unit: str, column: str, kind: str) -> bool:
+    """Whether it is what a column is taken for where nobody says its unit."""
+    return units_of(column, kind).get(in_column(unit, column, kind)) == (1.0, 0.0)
 
 
 def _spelled(unit: str) -> str:
@@ -108,7 +121,8 @@ def _spelled(unit: str) -> str:
     return whole or "/".join(_MEANT.get(part, _MEANT.get(part.lower(), part)) for part in unit.split("/"))
 
 
-def _known(column: str, kind: str) -> Mapping[str, tuple[float, float]]:
+def units_of(column: str, kind: str) -> Mapping[str, tuple[float, float]]:
+    """The units of a column, each with its factor and offset into SI."""
     if column == "temperature":
         return _TEMPERATURE
     return {unit: (factor, 0.0) for unit, factor in _TABLES.get(column, ({}, {}))[kind == "slide"].items()}

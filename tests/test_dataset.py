@@ -1,5 +1,6 @@
 """Measurement sets: numbers reach SI untouched, and whatever is wrong ends in one line that names the place."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -610,3 +611,121 @@ def test_an_episode_of_a_lerobot_file_is_a_record(tmp_path: Path) -> None:
         with pytest.raises(DataError, match=message):
             load(tmp_path)
     refuses(tmp_path, AXIS + RECORD + "episode = 1\n", "episode = 1 needs a column 'episode_index'")
+
+
+def test_numbers_count_the_columns_that_are_text_too(tmp_path: Path) -> None:
+    rows = [f"{t},can0,{u!r},RUN,{q!r}" for t, u, q in zip(*(v.tolist() for v in RUN.values()), strict=True)]
+    columns = "columns = { time = 0, torque = 2, position = 4 }\n"
+    for head in ("t,bus,tau,state,q\n", ""):
+        (tmp_path / "run.csv").write_text(head + "\n".join(rows))
+        (tmp_path / "dataset.toml").write_text(f'[[record]]\nfile = "run.csv"\n{columns}')
+        record = load(tmp_path).records[0]
+        assert len(record) + len(load(tmp_path).records[1]) == N, "a first row with text in it is no header"
+        assert np.array_equal(record.torque, RUN["torque"][: len(record)])
+    (tmp_path / "dataset.toml").write_text(f'[[record]]\nfile = "run.csv"\n{columns.replace("2", "1")}')
+    with pytest.raises(DataError, match="line 1: 'can0' is not a number"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize("name", [1, 2])
+@pytest.mark.parametrize("stamp", ["shared", "one after another"])
+def test_the_rows_of_one_of_several_motors_are_chosen(name: int, stamp: str, tmp_path: Path) -> None:
+    t = np.repeat(TIME, 2) + (np.tile([0, 5e-4], N) if stamp != "shared" else 0)
+    torque = np.tile([1.0, 0.3], N) * np.repeat(RUN["torque"], 2)
+    position = np.tile([0.0, 0.1], N) + np.repeat(RUN["position"], 2)
+    columns = {"time": t, "motor": np.tile([1.0, 2.0], N), "torque": torque, "position": position}
+    text = '[[record]]\nfile = "run.csv"\n'
+    refuses(tmp_path, text, "rows of 2 axes in turns, by motor", "where = { motor = 1 }", **columns)
+    del columns["motor"]
+    refuses(tmp_path, text, "continues every 2 rows", "write a file of each", **columns) if stamp != "shared" else None
+    columns["motor"] = np.tile([1.0, 2.0], N)
+    runs = dataset(tmp_path, f"{text}where = {{ motor = {name} }}\n", **columns)
+    record = runs.records[0]
+    assert np.array_equal(record.torque, ([1.0, 0.3][name - 1] * RUN["torque"])[: len(record)])
+    assert record.name.startswith(f"run.csv motor {name}")
+    refuses(tmp_path, text + "where = { motor = 3 }\n", "no row in which motor is 3; it is 1, 2", **columns)
+    refuses(tmp_path, text + "where = { axis = 3 }\n", "where: no column 'axis'", **columns)
+
+
+def test_a_bit_that_toggles_with_every_row_is_no_second_motor(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, '[[record]]\nfile = "run.csv"\n', **RUN, alive=np.arange(N) % 2.0)
+    assert sum(map(len, runs.records)) == N
+
+
+@pytest.mark.parametrize(
+    ("torque", "position"),
+    [("torque_mnm", "position in deg"), ("Torque|mNm", "position{deg}"), ("TORQUE (MNM)", "PositionDeg"),
+     ("torque:mNm", "position-deg"), ("torque.mNm", "position_deg_filtered")],
+)  # fmt: skip
+def test_units_are_read_wherever_a_name_has_them(torque: str, position: str, tmp_path: Path) -> None:
+    raw = {"time": TIME, torque: 1e3 * RUN["torque"], position: np.degrees(RUN["position"])}
+    text = f'[[record]]\nfile = "run.csv"\ncolumns = {{ torque = "{torque}", position = "{position}" }}\n'
+    runs = dataset(tmp_path, text, **raw)
+    record = runs.records[0]
+    assert np.allclose(record.torque, RUN["torque"][: len(record)])
+    assert np.allclose(record.position, RUN["position"][: len(record)])
+    assert "torque in" in " ".join(runs.notes) and "position in" in " ".join(runs.notes)
+
+
+def test_whole_numbers_of_a_current_ask_for_their_size(tmp_path: Path) -> None:
+    raw = {"time": TIME, "current": np.round(900 * RUN["torque"]), "position": RUN["position"]}
+    text = '[axis]\ntorque_constant = 0.1\n[[record]]\nfile = "run.csv"\n'
+    refuses(tmp_path, text, "current has whole numbers only", "scale = { current = ... } [A per count]", **raw)
+    assert dataset(tmp_path, text + 'units = { current = "mA" }\n', **raw).records
+
+
+def test_a_unit_in_a_line_above_the_names_is_told(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t},{u},{q}" for t, u, q in zip(*RUN.values(), strict=True))
+    for above, word in (("inDegrees=yes\nendheader\n", "Degrees"), ("# angles in deg\n", "deg")):
+        (tmp_path / "run.csv").write_text(f"{above}time,torque,position\n{rows}\n")
+        (tmp_path / "dataset.toml").write_text('[[record]]\nfile = "run.csv"\n')
+        assert f"speaks of {word}" in " ".join(load(tmp_path).notes)
+        (tmp_path / "dataset.toml").write_text('[[record]]\nfile = "run.csv"\nunits = { position = "deg" }\n')
+        assert "speaks of" not in " ".join(load(tmp_path).notes)
+
+
+def test_sources_with_clocks_of_their_own_meet_at_the_rows_of_the_position(tmp_path: Path) -> None:
+    def cells(values: np.ndarray, here: np.ndarray) -> list[str]:
+        return [repr(float(x)) if there else "" for x, there in zip(values, here, strict=True)]
+
+    mine = np.arange(N) % 2 == 0
+    rows = zip(map(repr, TIME.tolist()), cells(RUN["torque"], ~mine), cells(RUN["position"], mine), strict=True)
+    (tmp_path / "run.csv").write_text("time,torque,position\n" + "\n".join(map(",".join, rows)))
+    (tmp_path / "dataset.toml").write_text('[[record]]\nfile = "run.csv"\n')
+    runs = load(tmp_path)
+    record = runs.records[0]
+    assert np.array_equal(record.position, RUN["position"][2::2][: len(record)])
+    assert np.array_equal(record.torque, RUN["torque"][1::2][: len(record)]), "held from one command to the next"
+    assert "torque stands in other rows than position" in " ".join(runs.notes)
+
+
+def test_seconds_and_nanoseconds_of_a_stamp_are_one_time(tmp_path: Path) -> None:
+    whole, rest = np.divmod(1e9 + 1e6 * np.arange(N) + 5e8, 1e9)
+    raw = {"stamp.secs": whole, "stamp.nsecs": rest, "torque": RUN["torque"], "position": RUN["position"]}
+    record = dataset(tmp_path, '[[record]]\nfile = "run.csv"\ncolumns = { time = "stamp.secs" }\n', **raw).records[0]
+    assert record.sample_time == pytest.approx(1e-3)
+
+
+def test_a_clock_that_may_be_in_milliseconds_is_doubted(tmp_path: Path) -> None:
+    slow = {k: np.tile(v, 100) for k, v in RUN.items()} | {"time": 0.1 * np.arange(100 * N)}
+    assert "if its time is in ms" in " ".join(dataset(tmp_path, '[[record]]\nfile = "run.csv"\n', **slow).notes)
+    counted = RUN | {"time": np.arange(N)}
+    refuses(tmp_path, '[[record]]\nfile = "run.csv"\n', "if it counts rows, say rate = ... [Hz]", **counted)
+
+
+def test_fields_inside_fields_of_json_are_columns_by_their_path(tmp_path: Path) -> None:
+    lines = [
+        json.dumps({"t": t, "motors": {"elbow": {"tau": u}}, "q": [0.0, q]})
+        for t, u, q in zip(*(v.tolist() for v in RUN.values()), strict=True)
+    ]
+    (tmp_path / "run.jsonl").write_text("\n".join(lines))
+    columns = 'columns = { time = "t", torque = "motors.elbow.tau", position = "q.1" }'
+    (tmp_path / "dataset.toml").write_text(f'[[record]]\nfile = "run.jsonl"\n{columns}\n')
+    record = load(tmp_path).records[0]
+    assert np.array_equal(record.torque, RUN["torque"][: len(record)])
+
+
+def test_what_no_reader_knows_says_so_and_not_that_it_is_no_toml(tmp_path: Path) -> None:
+    (tmp_path / "log.xlsx").write_bytes(b"PK\x03\x04")
+    with pytest.raises(DataError, match=r"log\.xlsx: no reader for this kind of file; readable are .* once its"):
+        load(tmp_path / "log.xlsx")

@@ -166,7 +166,8 @@ def test_a_velocity_in_another_unit_than_the_position_is_doubted(tmp_path: Path)
 def test_a_clock_that_no_log_has_is_refused_with_the_unit_that_it_may_have(
     factor: float, unit: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(DataError, match=f'if its time is in {unit}, say units = {{ time = "{unit}" }}, or '):
+    said = rf'if its time is in {unit} \(1000 rows a second\).*, say units = {{ time = "{unit}" }}, or '
+    with pytest.raises(DataError, match=said):
         logged(tmp_path, time=lambda t: factor * t)
     right = logged(tmp_path, entry=f'units = {{ time = "{unit}" }}\n', time=lambda t: factor * t)
     assert not right.notes and np.allclose(right.fit[0].time, RUN.time)

@@ -110,7 +110,7 @@ def test_a_log_of_a_servo_is_read_with_the_care_of_any_other(tmp_path) -> None:
         table(tmp_path, "time,goal,position", t, goal, hole)
     part = table(tmp_path, "time,goal,position", t, goal, hole, more=more + "span = [0.51, 9]\n").fit[0]
     assert len(part.time) == 49 and part.time[0] == 0 and part.name == "log.csv 0.51 to 9 s"
-    with pytest.raises(DataError, match=r'samples are 10 s apart; if its time is in ms, say units = { time = "ms" }'):
+    with pytest.raises(DataError, match=r"samples are 10 s apart; if its time is in ms \(100 rows a second\)"):
         table(tmp_path, "time,goal,position", 1e3 * t, goal, q)
 
 

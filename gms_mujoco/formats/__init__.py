@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 EPISODE = "episode_index"  # column of the data sets of LeRobot
 _SOME = 8  # names in a message
+_MOST_IN_TURNS = 12  # motors on a bus
+_MOSTLY = 0.95  # of the rows
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,9 @@ class Table:
         named: False where the file has no names for its columns.
         lines: (n,) line of the file where each sample stands, counted from 1; None where there are no lines.
         units: of the columns of which the file states it.
+        order: names of all columns in the order of the file, those that are no numbers too; () for that of `columns`.
+        texts: (n,) of columns that are no numbers but text, to choose rows by.
+        remarks: what stands above the names of the columns, and may say a unit.
     """
 
     columns: Mapping[str, Array]
@@ -51,6 +56,47 @@ class Table:
     named: bool = True
     lines: NDArray[np.int64] | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+    order: tuple[str, ...] = ()
+    texts: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all columns, as they are counted from 0."""
+        return self.order or tuple(self.columns)
+
+    def where(self, choice: Mapping[str, Any]) -> Table:
+        """The rows in which columns have the values of a choice: of one of several motors in a log.
+
+        Raises:
+            DataError: no such column, or no such row.
+        """
+        here = None
+        for name, value in choice.items():
+            known = {**self.columns, **self.texts}
+            if name not in known:
+                raise DataError(f"where: no column {name!r}; the file has {listing(known)}")
+            column = known[name]
+            wanted = str(value) if name in self.texts else value
+            if isinstance(value, bool) or not isinstance(value, int | float | str) or not np.any(column == wanted):
+                raise DataError(f"where: no row in which {name} is {value!r}; it is {some_of(column)}")
+            here = (column == wanted) if here is None else here & (column == wanted)
+        if here is None:
+            return self
+        if not here.any():
+            raise DataError(f"where: no row with all of {dict(choice)!r}")
+        return self.rows(here)
+
+    def in_turns(self) -> tuple[str, int]:
+        """A column of a few values that come one after another, row for row, as the numbers of several motors do, and
+        how many; "" and 0 without one."""
+        for name, column in {**self.texts, **self.columns}.items():
+            count = len(np.unique(column)) if column.ndim == 1 and column.dtype.kind != "O" else 0
+            if 2 <= count <= _MOST_IN_TURNS and len(column) > 4 * count:
+                returns, stays = np.mean(column[count:] == column[:-count]), np.mean(column[1:] == column[:-1])
+                if returns > _MOSTLY and stays < 1 - _MOSTLY:
+                    return name, count
+        return "", 0
 
     def episode(self, number: int | None) -> Table:
         """The rows of one episode, by the column "episode_index" of a robot's data set; itself where there is but one.
@@ -69,7 +115,7 @@ class Table:
         if number is None and len(found) <= 1:
             return self
         if number is None or number not in found:
-            some = ", ".join(f"{x:g}" for x in found[:_SOME]) + (", ..." if len(found) > _SOME else "")
+            some = some_of(found)
             asked = "choose one, as in episode = " + f"{found[0]:g}" if number is None else f"{number} is none of them"
             raise DataError(f"the file has {len(found)} episodes, {some}: {asked}")
         return self.rows(index == number)
@@ -81,11 +127,19 @@ class Table:
             return v[here] if isinstance(here, slice) or len(v) == len(here) else v
 
         columns = {k: some(v) for k, v in self.columns.items()}
-        return replace(self, columns=columns, lines=None if self.lines is None else some(self.lines))
+        texts = {k: some(v) for k, v in self.texts.items()}
+        return replace(self, columns=columns, texts=texts, lines=None if self.lines is None else some(self.lines))
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
         return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
+
+
+def some_of(values: NDArray[Any]) -> str:
+    """The different ones of some values, for a message."""
+    found = np.unique(values)
+    told = [f"{x:g}" if found.dtype.kind == "f" else repr(str(x)) for x in found[:_SOME]]
+    return ", ".join(told) + (", ..." if len(found) > _SOME else "")
 
 
 @cache
@@ -106,7 +160,8 @@ def find(path: str | Path) -> ModuleType:
     for suffix in sorted(suffixes(), key=len, reverse=True):  # .csv.gz before .gz
         if name.endswith(suffix):
             return suffixes()[suffix]
-    raise DataError(f"{path}: no reader for this kind of file; readable are {listing(suffixes())}")
+    raise DataError(f"{path}: no reader for this kind of file; readable are {listing(suffixes())}; a table of text is "
+                    "read whatever it is called once its name ends in .txt")
 
 
 def read(path: str | Path) -> Table:

@@ -29,7 +29,10 @@ from ..files import write_bytes
 from ..units import is_unit
 from . import Array, Table, real_and_imaginary, stamps
 
-SUFFIXES = (".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv")
+SUFFIXES = (
+    ".csv", ".csv.gz", ".txt", ".txt.gz", ".dat", ".tsv", ".tab", ".log", ".asc", ".prn", ".lvm", ".sto", ".mot",
+)  # fmt: skip
+_MOST_TEXTS = 100  # different words in a column that rows are chosen by
 _MOST_PREAMBLE = 200  # lines before the header
 _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
@@ -48,7 +51,9 @@ def read(path: Path) -> Table:
     if not kept:
         raise DataError(f"{path}: the file is empty; expected columns of numbers")
     comments = [s for i, s in lines if i < kept[0][0] and s.strip()]
+    whole = kept
     kept = _without_preamble(kept)
+    remarks = (*comments, *(s for _, s in whole[: len(whole) - len(kept)]))
     separator = _separator(kept)
     whole_first = kept[0][1]
     kept = _squeezed(kept) if separator == " " else _without_last(kept, separator)
@@ -61,7 +66,7 @@ def read(path: Path) -> Table:
         return lying
     width = len(_cells(_usual(kept), separator))
     names = _cells(kept[0][1], separator)
-    named, samples = not all(map(_is_value, _with_points(names, comma))), kept
+    named, samples = _names(kept, separator, comma), kept
     below: list[str] = []
     if named:
         if separator == " " and len(names) != width:  # blanks inside names: two or more stand between them
@@ -92,15 +97,22 @@ def read(path: Path) -> Table:
         raise DataError(f"{path}: {len(samples)} lines read as {len(table)} samples; quoted text spans lines")
     columns: dict[str, Array] = {}
     unusable: dict[str, str] = {}
+    texts: dict[str, NDArray[np.str_]] = {}
+    order: list[str] = []
     for name in names:
         column, wrong = _numbers(table[name], comma)
         if column is None:
             unusable[name] = _why(samples[wrong][0], str(table[name][wrong].as_py()))
+            order.append(name)
+            if pc.count_distinct(table[name]).as_py() <= _MOST_TEXTS:
+                texts[name] = np.array([str(x or "") for x in table[name].to_pylist()])
         else:
             parts = real_and_imaginary(name, column)
             columns |= parts
+            order += parts
             units |= dict.fromkeys(parts, units[name]) if name in units else {}
-    return Table(columns, unusable, named, np.array([i for i, _ in samples]), units)
+    lines_of = np.array([i for i, _ in samples])
+    return Table(columns, unusable, named, lines_of, units, tuple(order), texts, remarks)
 
 
 def write(path: Path, columns: Mapping[str, Array]) -> None:
@@ -199,6 +211,18 @@ def _without_preamble(kept: Lines) -> Lines:
             return kept[header:]
         return kept
     return kept
+
+
+def _names(kept: Lines, separator: str, comma: bool) -> bool:
+    """Whether the first line names the columns: it has text where the next has a number, or no number at all."""
+    first = _with_points(_cells(kept[0][1], separator), comma)
+    told = [not _is_value(c) for c in first]
+    if not any(told) or not any(c and _is_number(c) for c in first) or len(kept) < 2:
+        return any(told)
+    following = _with_points(_cells(kept[1][1], separator), comma)
+    if len(following) != len(first):
+        return True
+    return any(text and _is_value(c) for text, c in zip(told, following, strict=True))
 
 
 def _usual(kept: Lines) -> str:

@@ -2,6 +2,7 @@
 
 The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos), or the
 lines of a `.jsonl`; a document of equally long lists is read as columns. Single numbers beside them are no columns.
+What stands inside a field is a column by its path, "motors.elbow.position", of a list by its place, "position.0".
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from . import Array, Table
 
 SUFFIXES = (".json", ".jsonl")
 _LINES = ".jsonl"
+_MOST_PLACES = 64  # of a list inside a sample: joints, not samples
 
 
 def read(path: Path) -> Table:
@@ -38,7 +40,8 @@ def read(path: Path) -> Table:
     if isinstance(entries, list):
         if not all(isinstance(e, dict) for e in entries):
             raise DataError(f"{path}: every sample must be an object with named fields")
-        lists = {k: [e.get(k) for e in entries] for k in (entries[0] if entries else {})}
+        flat = [_flat(e) for e in entries]
+        lists: dict[str, list[Any]] = {k: [e.get(k) for e in flat] for k in (flat[0] if flat else {})}
     elif isinstance(document, dict):
         lists = {k: v for k, v in document.items() if isinstance(v, list)}
     else:
@@ -57,6 +60,16 @@ def write(path: Path, columns: Mapping[str, Array]) -> None:
     entries = [dict(zip(columns, row, strict=True)) for row in rows]
     lines = path.name.lower().endswith(_LINES)
     write_text(path, "\n".join(map(json.dumps, entries)) + "\n" if lines else json.dumps({"entries": entries}))
+
+
+def _flat(value: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """The fields of a sample by their paths."""
+    out: dict[str, Any] = {}
+    for key, inner in value.items():
+        if isinstance(inner, list) and 0 < len(inner) <= _MOST_PLACES:
+            inner = {str(i): x for i, x in enumerate(inner)}
+        out |= _flat(inner, f"{path}{key}.") if isinstance(inner, dict) else {f"{path}{key}": inner}
+    return out
 
 
 def _short(value: Any) -> str:
