@@ -266,9 +266,10 @@ class Search:
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
-        if self.at_floor and self.only_timed:
-            best = [t for t in best if self._holds_roughly(t)]
-        for i, (name, misfit, x) in enumerate(finalists(current, best, FINALISTS + fits.simulated)):
+        held = [t for t in best if self._holds_roughly(t)] if self.at_floor and self.only_timed else best
+        ends = finalists(current, held, FINALISTS + fits.simulated)
+        ends += _surer(best, ends, p_values)
+        for i, (name, misfit, x) in enumerate(ends):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
                 result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
@@ -620,6 +621,20 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
+
+
+def _surer(rough: Sequence[Rough], ends: Sequence[Rough], p_values: dict[str, float]) -> list[Rough]:
+    """The simplest of the rough fits that the screen is surest of, where none as simple that is fitted to its end is.
+
+    A strong effect is tried from the beginning, and its rough fit may owe to that start what it leaves less than one
+    that goes on from a plant that has bent; and of two that do much the same the simpler says more.
+    """
+    sure = [r for r in rough if p_values[r[0]] <= min(p_values[name] for name, *_ in rough)]
+    if not sure or p_values[sure[0][0]] > FALSE_DISCOVERY_RATE:
+        return []
+    simplest = min(sure, key=lambda r: (r[1].size, left_of(r[1], r[2])))
+    known = any(p_values[r[0]] <= p_values[simplest[0]] and r[1].size <= simplest[1].size for r in ends)
+    return [] if known else [simplest]
 
 
 def _velocities(plant: Plant) -> list[str]:
