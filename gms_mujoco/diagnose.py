@@ -44,6 +44,7 @@ from .undetermined import never_slips
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
 _CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
 _WORSE = 1.1  # times what is left of new records without an effect: one with which more is left explains nothing
+_MUCH_LESS = 0.5  # times what is left of new records with the inertia that was given
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
@@ -243,9 +244,16 @@ def diagnose(
     runs, payload_said = corrected_setup(runs, start)
     done = 0.95
     found = _diagnosed(runs, plant, start, candidates, without, part(report, 0.0, done))
+    given = start.inertia_known
     while withdrawn := _withdrawn(found):
-        without = {*without, *(c.effect for c in withdrawn)}
         begun, done = done, (1 + done) / 2
+        if given:  # effects may stand for an inertia that is wrong
+            given = False
+            other = _diagnosed(runs, plant, free(start), candidates, without, part(report, begun, done, "free inertia"))
+            if said := _asks_for_inertia(found, other):
+                start, found = free(start), replace(other, notes=(*other.notes, said))
+            continue
+        without = {*without, *(c.effect for c in withdrawn)}
         again = _diagnosed(runs, plant, start, candidates, without, part(report, begun, done, "once more"))
         said = _does_not_hold(found, withdrawn)
         found = replace(again, candidates=(*again.candidates, *withdrawn), notes=(*again.notes, said))
@@ -328,6 +336,18 @@ def _withdrawn(found: Diagnosis) -> tuple[Rejected, ...]:
     if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
         return ()
     return tuple(Rejected(s.effect, s.p_value, s.validate_error) for s in found.steps[best + 1 :] if s.effect)
+
+
+def _asks_for_inertia(found: Diagnosis, other: Diagnosis) -> str:
+    """A sentence where a diagnosis that identified the inertia leaves much less of the validate records than any step
+    of one that took the given, with no more effects; else empty."""
+    least, now = min(c.determined[0] for c in found.comparisons), other.comparisons[-1].determined[0]
+    if len(other.steps) > len(found.steps) or now > _MUCH_LESS * least:
+        return ""
+    (given, unit), (asked, _) = (d.plant.numbers()["inertia"] for d in (found, other))
+    told = found.score.told
+    return (f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {asked:.4g} {unit}: "
+            f"beside it {told(found.steps[-1].validate_error)} of the validate records would be left.")
 
 
 def _does_not_hold(found: Diagnosis, withdrawn: Sequence[Rejected]) -> str:

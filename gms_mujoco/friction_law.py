@@ -13,6 +13,7 @@ from . import effects
 from .effect import Effect
 from .fit import fit_observations, from_the_data
 from .fit_result import FitResult, result_of
+from .friction_shape import fading_damping
 from .held_out import HeldOut, p_value
 from .judgement import (
     AT_FLOOR,
@@ -105,15 +106,16 @@ class FrictionLaw:
             if misfit.cost(x) > most:
                 continue
             result = result_of(misfit, x)
-            held_out = cross_validated(result.misfit, result.vector)
+            # The damping of a bristle that fades is no step further: without it a fit ends in another place.
+            result, held_out = fading_damping(result, cross_validated(result.misfit, result.vector))
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
             at_floor = held_out.total <= AT_FLOOR**2 * floor_of(result)
             falls = search.held_out.total - held_out.total > LEAST_GAIN * search.held_out.total
             earns = p < FALSE_DISCOVERY_RATE and (worth or (at_floor and falls and not search.at_floor))
-            fewer = misfit.coordinates.size < now.misfit.coordinates.size
-            no_more = left_of(misfit, x) <= least and held_out.total <= search.held_out.total
+            fewer = result.misfit.coordinates.size < now.misfit.coordinates.size
+            no_more = left_of(result.misfit, result.vector) <= least and held_out.total <= search.held_out.total
             if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
                 earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
         return min(earned, key=lambda t: t.held_out.total, default=None)
