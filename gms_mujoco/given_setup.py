@@ -53,8 +53,8 @@ _SETTLED = 0.99  # of the error, that is left by a further round, ends them
 def corrected_setup(runs: Dataset, start: Plant) -> tuple[Dataset, str]:
     """The measurements with the setup that they ask for, and a sentence on it; as they are, and "", without one.
 
-    It is taken where it leaves hardly anything of the error, and much less than any effect of the catalogue would; of
-    several that leave hardly more than another that of the fewest unknowns.
+    It is taken where it leaves hardly anything of the error, and much less than the best effect of the catalogue does,
+    which does not reach the noise floor; of several that leave hardly more than another that of the fewest unknowns.
     """
     if runs.robot is None or not runs.fit:
         return runs, ""
@@ -62,13 +62,21 @@ def corrected_setup(runs: Dataset, start: Plant) -> tuple[Dataset, str]:
     before = search.steps[0].result
     if search.at_floor:
         return runs, ""
-    reach, floor, left = search.within_reach(), floor_of(before), left_of(before.misfit, before.vector)
-    enough = floor + min(MUCH_LESS * max(reach - floor, 0.0), _MOST * max(left - floor, 0.0))
+    floor, left = floor_of(before), left_of(before.misfit, before.vector)
+    reach = search.within_reach()
     asked = _Asked(search, runs.robot)
     promising = [f for f in asked.each() if f.p_value <= _BY_CHANCE and f.left < min(reach, left)]
+    if not promising:
+        return runs, ""
+    held_out = search.held_out.total
+    search.add_one(silent)
+    if search.at_floor:
+        return runs, ""
+    reach = left_of(search.steps[-1].result.misfit, search.steps[-1].result.vector)
+    enough = floor + min(MUCH_LESS * max(reach - floor, 0.0), _MOST * max(left - floor, 0.0))
     ends = [_settled(runs, start, found) for found in promising]
     ends = [e for e in ends if left_of(e.result.misfit, e.result.vector) <= enough]
-    ends = [e for e in ends if e.search.held_out.total <= MUCH_LESS * search.held_out.total]
+    ends = [e for e in ends if e.search.held_out.total <= MUCH_LESS * held_out]
     if not ends:
         return runs, ""
     least = min(e.result.error for e in ends)
