@@ -126,7 +126,7 @@ def pick(
 def _nanoseconds_beside(table: formats.Table, at: Any) -> Array | None:
     """The nanoseconds of stamps of which a column has the whole seconds, as those of ROS are written; None where there
     are none."""
-    name = table.names[at] if isinstance(at, int) else at
+    name = _called(table, at)
     if not (match := re.search(r"secs?$", name)) or np.any(table.columns[name] % 1):
         return None
     beside = (name[: match.start()] + rest for rest in ("nsecs", "nsec", "nanosec", "nanosecs"))
@@ -145,9 +145,14 @@ def by_name(table: formats.Table, words: Mapping[str, str]) -> dict[str, str]:
     return {k: k if k in names else found[0] for k, found in alike.items() if k in names or len(found) == 1}
 
 
+def _called(table: formats.Table, at: Any) -> Any:
+    """The name of a column that is given by its name or its number."""
+    return table.names[at] if isinstance(at, int) else at
+
+
 def stated_unit(table: formats.Table, at: Any, what: str) -> str:
     """The unit of a column that the file states beside it or in its name, as it is written, or ""."""
-    name = table.names[at] if isinstance(at, int) else at
+    name = _called(table, at)
     unit = (table.units.get(name) or _parted(name, what)[1]).strip(" -")
     return "" if unit.isdecimal() else unit
 
@@ -190,7 +195,7 @@ def column(table: formats.Table, label: str, at: Any, guessed: str | None = None
     if isinstance(at, int):
         if not 0 <= at < len(table.names):
             raise DataError(f"{label}: no column {at}; there are {len(table.names)}, counted from 0")
-        at = table.names[at]
+        at = _called(table, at)
     if at in table.unusable:
         raise DataError(f"column {at!r}: {table.unusable[at]}")
     if at not in table.columns:

@@ -241,7 +241,7 @@ def diagnose(
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
-    runs, payload_said = corrected_setup(runs, start)
+    runs, setup_said = corrected_setup(runs, start)
     done = 0.95
     found = _diagnosed(runs, plant, start, candidates, without, part(report, 0.0, done))
     given = start.inertia_known
@@ -258,8 +258,8 @@ def diagnose(
         said = _does_not_hold(found, withdrawn)
         found = replace(again, candidates=(*again.candidates, *withdrawn), notes=(*again.notes, said))
     report(1.0, "done")
-    if payload_said:
-        steps = (replace(found.steps[0], evidence=". ".join(filter(None, (payload_said, found.steps[0].evidence)))),)
+    if setup_said:
+        steps = (replace(found.steps[0], evidence=". ".join(filter(None, (setup_said, found.steps[0].evidence)))),)
         found = replace(found, steps=(*steps, *found.steps[1:]))
     return found
 

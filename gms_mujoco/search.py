@@ -629,11 +629,12 @@ def _surer(rough: Sequence[Rough], ends: Sequence[Rough], p_values: dict[str, fl
     A strong effect is tried from the beginning, and its rough fit may owe to that start what it leaves less than one
     that goes on from a plant that has bent; and of two that do much the same the simpler says more.
     """
-    sure = [r for r in rough if p_values[r[0]] <= min(p_values[name] for name, *_ in rough)]
-    if not sure or p_values[sure[0][0]] > FALSE_DISCOVERY_RATE:
+    least = min((p_values[name] for name, *_ in rough), default=1.0)
+    if least > FALSE_DISCOVERY_RATE:
         return []
+    sure = [r for r in rough if p_values[r[0]] <= least]
     simplest = min(sure, key=lambda r: (r[1].size, left_of(r[1], r[2])))
-    known = any(p_values[r[0]] <= p_values[simplest[0]] and r[1].size <= simplest[1].size for r in ends)
+    known = any(p_values[r[0]] <= least and r[1].size <= simplest[1].size for r in ends)
     return [] if known else [simplest]
 
 
