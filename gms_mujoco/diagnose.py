@@ -43,8 +43,7 @@ from .undetermined import never_slips
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
 _CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
-_WORSE = 1.1  # times what is left of new records without an effect: one with which more is left explains nothing
-_MUCH_LESS = 0.5  # times what is left of new records with the inertia that was given
+_WORSE = 1.1  # times what is left of new records without an effect: one with which more is left is contradicted
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
 
 
@@ -199,8 +198,8 @@ def diagnose(
     plant. One is added if it lowers the error on blocks of the fit records that its fit has not seen (and on the
     select records where there are some), significantly after control of the false discovery rate over the whole
     catalogue. Where that ends above the noise floor, it goes on from effects that were passed over for one that left
-    hardly less, and stays with the path that explains most. The validate records are scored after the choice, and have
-    a veto: where they leave more with effects than without, these are taken back and the others looked at again.
+    hardly less, and stays with the path that explains most. The validate records are scored after every choice and
+    decide nothing; where they contradict an effect, the verdict and a note say so.
 
     The default baseline has `gms` friction. Where that leaves more than noise does, other laws in its place are fitted
     too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
@@ -242,37 +241,6 @@ def diagnose(
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
     runs, setup_said = corrected_setup(runs, start)
-    done = 0.95
-    found = _diagnosed(runs, plant, start, candidates, without, part(report, 0.0, done))
-    given = start.inertia_known
-    while withdrawn := _withdrawn(found):
-        begun, done = done, (1 + done) / 2
-        if given:  # effects may stand for an inertia that is wrong
-            given = False
-            other = _diagnosed(runs, plant, free(start), candidates, without, part(report, begun, done, "free inertia"))
-            if said := _asks_for_inertia(found, other):
-                start, found = free(start), replace(other, notes=(*other.notes, said))
-            continue
-        without = {*without, *(c.effect for c in withdrawn)}
-        again = _diagnosed(runs, plant, start, candidates, without, part(report, begun, done, "once more"))
-        said = _does_not_hold(found, withdrawn)
-        found = replace(again, candidates=(*again.candidates, *withdrawn), notes=(*again.notes, said))
-    report(1.0, "done")
-    if setup_said:
-        steps = (replace(found.steps[0], evidence=". ".join(filter(None, (setup_said, found.steps[0].evidence)))),)
-        found = replace(found, steps=(*steps, *found.steps[1:]))
-    return found
-
-
-def _diagnosed(
-    runs: Dataset,
-    plant: Plant | None,
-    start: Plant,
-    candidates: Sequence[Shape],
-    without: Collection[str],
-    report: Progress,
-) -> Diagnosis:
-    """A diagnosis before the veto of the validate records."""
     report(0.0, "looking at the records")
     seen = observe(runs.fit, start.inertia)
     bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
@@ -304,7 +272,7 @@ def _diagnosed(
     noise = last.noise
     validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
     validate = as_fitted(validate, last.plant.provenance)
-    begun = ". ".join(filter(None, (inertia_said, law_said)))
+    begun = ". ".join(filter(None, (setup_said, inertia_said, law_said)))
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
                 evidence=_evidence(search.steps[i - 1], s) if i else begun)
@@ -324,40 +292,8 @@ def _diagnosed(
     if candidates:
         report(0.95, "scoring your candidates")
         found = _with_shapes(found, candidates, search, validate)
+    report(1.0, "done")
     return found
-
-
-def _withdrawn(found: Diagnosis) -> tuple[Rejected, ...]:
-    """The effects with which the validate records leave clearly more than before, and more than noise."""
-    if len(found.comparisons) < len(found.steps):
-        return ()
-    errors = [c.determined[0] for c in found.comparisons]
-    best, floor = int(np.argmin(errors)), found.comparisons[-1].determined[1]
-    if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
-        return ()
-    return tuple(Rejected(s.effect, s.p_value, s.validate_error) for s in found.steps[best + 1 :] if s.effect)
-
-
-def _asks_for_inertia(found: Diagnosis, other: Diagnosis) -> str:
-    """A sentence where a diagnosis that identified the inertia leaves much less of the validate records than any step
-    of one that took the given, with no more effects; else empty."""
-    least, now = min(c.determined[0] for c in found.comparisons), other.comparisons[-1].determined[0]
-    if len(other.steps) > len(found.steps) or now > _MUCH_LESS * least:
-        return ""
-    (given, unit), (asked, _) = (d.plant.numbers()["inertia"] for d in (found, other))
-    told = found.score.told
-    return (f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {asked:.4g} {unit}: "
-            f"beside it {told(found.steps[-1].validate_error)} of the validate records would be left.")
-
-
-def _does_not_hold(found: Diagnosis, withdrawn: Sequence[Rejected]) -> str:
-    """Why effects that were found are not among them."""
-    before, last = found.steps[-1 - len(withdrawn)], found.steps[-1]
-    told = found.score.told
-    names = " and ".join(c.effect for c in withdrawn)
-    fitted = f"from {told(before.result.error)} to {told(last.result.error)}"
-    unseen = f"from {told(before.validate_error)} to {told(last.validate_error)}"
-    return f"Not {names}: what is left of the fit records would fall {fitted}, of the validate records rise {unseen}."
 
 
 def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
@@ -409,7 +345,8 @@ def _conclude(
     elif not at_floor:
         following = _to_isolate(rejected, loudest(last.misfit, last.vector))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
-    notes = tuple(f"{line}." for line in (last.habit, off, _unseen(steps[-1].comparison) if at_floor else "") if line)
+    unseen = _unseen(steps[-1].comparison) if at_floor else ""
+    notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps)) if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
@@ -487,6 +424,23 @@ def _unseen(comparison: Comparison | None) -> str:
     return (
         f"Of the square that is left of the records that were not fitted {100 * share:.0f} % is where the axis moves "
         "less than its encoder resolves, and no model knows what holds it"
+    )
+
+
+def _contradicted(steps: Sequence[Step]) -> str:
+    """That new records leave clearly more with effects than without them, and what the user may do; else empty."""
+    comparisons = [s.comparison for s in steps if s.comparison is not None]
+    if len(comparisons) < len(steps):
+        return ""
+    errors = [c.determined[0] for c in comparisons]
+    best, floor = int(np.argmin(errors)), comparisons[-1].determined[1]
+    if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
+        return ""
+    told = comparisons[-1].score.told
+    names = " and ".join(str(s.effect) for s in steps[best + 1 :])
+    return (
+        f"The validate records contradict {names}: {told(comparisons[-1].error)} of them would be left, "
+        f"{told(comparisons[best].error)} without. One with use = \"select\" would have to agree with every choice"
     )
 
 
