@@ -323,12 +323,14 @@ def _conclude(
     at_floor |= bool(moments) and _told_beforehand(steps[-1].comparison, negligible)
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
+    left = np.split(last.misfit.residual(last.vector), last.misfit.splits)
     remainder = ""
     if not at_floor:
-        elsewhere = "" if holds else _elsewhere(steps[-1])
+        size = f"{last.score.told(last.error)} of the {last.score.of}"
         when = f"most of it {moments}" if moments else ""
-        said = (describe(last.misfit, last.vector), when, *said, elsewhere, _other_curve(search))
-        remainder = ", ".join(filter(None, said))
+        fitted = () if search.at_floor else (size, describe(last.plant, last.misfit.observations, left), when)
+        said = (*fitted, *said, "" if holds else _elsewhere(steps[-1].comparison), _other_curve(search))
+        remainder = "; ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
     if confusable:
@@ -343,9 +345,9 @@ def _conclude(
     elif search.hint:
         following = TorqueReading.experiment
     elif not at_floor:
-        following = _to_isolate(rejected, loudest(last.misfit, last.vector))
+        following = _to_isolate(rejected, loudest(last.misfit.observations, left))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
-    unseen = _unseen(steps[-1].comparison) if at_floor else ""
+    unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
     notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps)) if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
@@ -415,11 +417,13 @@ def _told_beforehand(comparison: Comparison | None, negligible: float) -> bool:
     return comparison is not None and comparison.error <= max(AT_FLOOR * comparison.noise_floor, negligible)
 
 
-def _unseen(comparison: Comparison | None) -> str:
-    """That new records leave more than noise, but not where their motion says anything; empty where they do not."""
-    if comparison is None or comparison.error <= _NEAR_FLOOR * comparison.noise_floor:
+def _unseen(comparison: Comparison | None, negligible: float) -> str:
+    """That new records leave more than noise, and where; empty where they do not."""
+    if comparison is None or _told_beforehand(comparison, negligible):
         return ""
-    error, _ = comparison.determined
+    error, floor = comparison.determined
+    if error > AT_FLOOR * floor:
+        return f"Left is {_elsewhere(comparison)}"
     share = 1 - (error / comparison.error) ** 2
     return (
         f"Of the square that is left of the records that were not fitted {100 * share:.0f} % is where the axis moves "
@@ -444,10 +448,17 @@ def _contradicted(steps: Sequence[Step]) -> str:
     )
 
 
-def _elsewhere(step: Step) -> str:
-    """What is left of the records that were not fitted."""
-    c = step.comparison
-    return f"{c.score.told(c.error)} of the records that were not fitted" if c else ""
+def _elsewhere(comparison: Comparison | None) -> str:
+    """What is left of the records that were not fitted, and where that stands."""
+    if comparison is None:
+        return ""
+    error, floor = comparison.determined
+    size = f"{comparison.score.told(comparison.error)} of the {comparison.score.of} of the records that were not fitted"
+    if error > AT_FLOOR * floor:
+        size += f", {error / floor:.2g} times what noise leaves"
+    runs = comparison.records
+    where = describe(comparison.plant, [r.observation for r in runs], [r.residual for r in runs]) if runs else ""
+    return "; ".join(filter(None, (size, where)))
 
 
 def _other_curve(search: Search) -> str:

@@ -9,9 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from .frf_observation import FrfObservation
+from .frf_observation import FrfObservation, Seen
 from .inverse import Observation, mean_torque
-from .misfit import Misfit
 from .place_spectrum import wave
 from .plant import Plant
 from .servo_observation import ServoObservation, errors_of
@@ -31,26 +30,29 @@ _PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
 
-def loudest(misfit: Misfit, vector: Array) -> str:
-    """Name of the observation that most of the residual of a fit stands in."""
-    energy = [float(p @ p) for p in np.split(misfit.residual(vector), misfit.splits)]
-    return str(misfit.observations[int(np.argmax(energy))].name)
+def loudest(seen: Sequence[Seen], parts: Sequence[Array]) -> str:
+    """Name of the observation that most of what is left, a part (m,) of each, stands in."""
+    return str(seen[int(np.argmax([float(p @ p) for p in parts]))].name)
 
 
-def describe(misfit: Misfit, vector: Array) -> str:
-    """Where the residual of a fit stands: in which record, at which frequency, place, speed or instant."""
-    parts = np.split(misfit.residual(vector), misfit.splits)
+def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
+    """Where what a plant leaves stands: in which record, at which frequency, place, speed or instant; empty where it
+    stands nowhere in particular.
+
+    Args:
+        plant: that leaves it.
+        seen: of what.
+        parts: (m,) what is left of each.
+    """
     energy = np.array([float(p @ p) for p in parts])
     total = float(energy.sum())
     if total <= 0:
-        return "nothing"
-    servos = [o for o in misfit.observations if isinstance(o, ServoObservation)]
+        return ""
+    servos = [o for o in seen if isinstance(o, ServoObservation)]
     if servos:
         return _of_servo(servos, parts)
-    observations = [o for o in misfit.observations if not isinstance(o, ServoObservation)]
-    plant = misfit.plant(vector)
-    torque = math.sqrt(sum(float(np.sum(o.applied(plant) ** 2)) for o in observations))
-    said = [f"{100 * math.sqrt(total) / torque:.1f} % of the torque"]
+    observations = [o for o in seen if not isinstance(o, ServoObservation)]
+    said = []
 
     worst = int(np.argmax(energy))
     if len(parts) > 1 and energy[worst] > 1.5 * total / len(parts):
@@ -58,7 +60,7 @@ def describe(misfit: Misfit, vector: Array) -> str:
 
     o, r = observations[worst], parts[worst]
     if isinstance(o, FrfObservation):
-        return ", ".join([*said, _where(o, r)])
+        return "; ".join([*said, _where(o, r)])
     runs = [(o, p) for o, p in zip(observations, parts, strict=True) if isinstance(o, Observation)]
     position = np.concatenate([o.position[o.index] for o, _ in runs])
     velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
@@ -97,21 +99,21 @@ def describe(misfit: Misfit, vector: Array) -> str:
             said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
     if blind > _NOTABLE:
         said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
-    said += _course(runs) + _hiss(runs)
+    said += _course(runs, plant) + _hiss(runs)
 
     sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
     if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
         said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
-    return ", ".join(said)
+    return "; ".join(said)
 
 
 def _of_servo(runs: Sequence[ServoObservation], parts: Sequence[Array]) -> str:
-    """How large what is left of a servo's position is, and in which runs, conditions and motions it stands."""
+    """In which runs, conditions and motions what is left of a servo's position stands."""
     error = np.concatenate([errors_of(p) for p in parts])
     square = np.concatenate(parts) ** 2
     total = float(square.sum())
-    said = [f"{1e3 * float(np.mean(np.abs(error))):.3g} mrad of the position on average"]
+    said: list[str] = []
     owner = np.repeat(np.arange(len(runs)), [len(p) for p in parts])
 
     def stands(here: NDArray[np.bool_], where: str) -> None:
@@ -138,7 +140,7 @@ def _of_servo(runs: Sequence[ServoObservation], parts: Sequence[Array]) -> str:
         _, share = _explained(x, error, np.ones_like(error))
         if share > _NOTABLE:
             said.append(f"tied to {what} ({100 * share:.0f} %)")
-    return ", ".join(said)
+    return "; ".join(said)
 
 
 def _where(o: FrfObservation, rows: Array) -> str:
@@ -209,12 +211,17 @@ def _wandering(runs: Sequence[tuple[Observation, Array]], total: float, jump: fl
     return share, f"as by an offset of the torque that wanders in the course of a record ({_percent(share)})"
 
 
-def _course(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
-    """That the residual grows or fades in the course of a record."""
-    thirds = np.array([[float(p @ p) for p in np.array_split(r, 3)] for _, r in runs if len(r) > 2]).sum(0)
-    if thirds[2] > 3 * thirds[0] and thirds[2] > thirds[1]:
+def _course(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[str]:
+    """That the residual grows or fades in the course of a record, by itself and beside the torque."""
+
+    def thirds(parts: Sequence[Array]) -> Array:
+        return np.array([[float(p @ p) for p in np.array_split(r, 3)] for r in parts if len(r) > 2]).sum(0)
+
+    left, torque = thirds([r for _, r in runs]), thirds([o.applied(plant) for o, _ in runs])
+    share = left / np.maximum(torque, 1e-300)
+    if all(x[2] > 3 * x[0] and x[2] > x[1] for x in (left, share)):
         return ["growing with time"]
-    if thirds[0] > 3 * thirds[2] and thirds[0] > thirds[1]:
+    if all(x[0] > 3 * x[2] and x[0] > x[1] for x in (left, share)):
         return ["fading with time"]
     return []
 
@@ -243,7 +250,7 @@ def _apart(runs: Sequence[tuple[Observation, Array]], total: float, plant: Plant
     unit = "N m" if plant.kind == "hinge" else "N"
     by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
     name = runs[k][0].record.name
-    return share, f"as by {what} that is another in each record ({_percent(share)}; {by} in {name})"
+    return share, f"as by {what} that is another in each record ({_percent(share)}, {by} in {name})"
 
 
 def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
