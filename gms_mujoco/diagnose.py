@@ -240,30 +240,15 @@ def diagnose(
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
-    runs, setup_said = corrected_setup(runs, start)
     report(0.0, "looking at the records")
+    runs, setup_said = corrected_setup(runs, start)
     seen = observe(runs.fit, start.inertia)
     bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
     select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
 
-    search = Search(seen, select, start, without)
-    law_said, late = searched(search, plant is None, part(report, 0.02, 0.85))
-    inertia_said = ""
-    other = Search(seen, select, free(start), without)
-    if is_doubtful(search, other):
-        other_law, other_late = searched(other, plant is None, part(report, 0.85, 0.9))
-        if inertia_said := corrected(search, other):
-            start, search, law_said, late = free(start), other, other_law, other_late
-    if plant is None and not search.at_floor and not search.hint:
-        laws = choices(start)[1:]
-        others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
-        for other in leading_further(search, others):
-            _, other_late = searched(other, False, part(report, 0.9, 0.9))
-            if better := much_better(search, other):
-                search, late, law_said = other, other_late, better
-            if search.at_floor:
-                break
-
+    search, law_said, inertia_said, late = _searched(seen, select, start, plant is None, without, report)
+    if inertia_said:
+        start = free(start)
     report(0.9, "scoring the validate records")
     last, moments = _ended(search, start)
     kept = search.steps[-1]
@@ -294,6 +279,33 @@ def diagnose(
         found = _with_shapes(found, candidates, search, validate)
     report(1.0, "done")
     return found
+
+
+def _searched(
+    seen: Sequence[Seen], select: Sequence[Seen], start: Plant, free_law: bool, without: Collection[str],
+    report: Progress,
+) -> tuple[Search, str, str, str]:  # fmt: skip
+    """The search that has come furthest, of those with an inertia that is given or not and beside one law of friction
+    or another; sentences on that law and that inertia where they are others than it began with, and on what was found
+    last and taken away again."""
+    search = Search(seen, select, start, without)
+    law_said, late = searched(search, free_law, part(report, 0.02, 0.85))
+    inertia_said = ""
+    other = Search(seen, select, free(start), without)
+    if is_doubtful(search, other):
+        other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9))
+        if inertia_said := corrected(search, other):
+            start, search, law_said, late = free(start), other, other_law, other_late
+    if free_law and not search.at_floor and not search.hint:
+        laws = choices(start)[1:]
+        others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
+        for other in leading_further(search, others):
+            _, other_late = searched(other, False, part(report, 0.9, 0.9))
+            if better := much_better(search, other):
+                search, late, law_said = other, other_late, better
+            if search.at_floor:
+                break
+    return search, law_said, inertia_said, late
 
 
 def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
