@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gms_mujoco import columns, formats, frf_files, frf_table, measured_axis, record_files, servo_run, units
 from gms_mujoco.cli import main
 from gms_mujoco.dataset import load
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
+SETS = (DOCS / "pages" / "measurement_sets.md").read_text(encoding="utf-8")
 OWN_LOG = (DOCS / "pages" / "your_own_log.md").read_text(encoding="utf-8")
 
 
@@ -51,6 +53,24 @@ def test_the_foreign_layout_is_read_into_si(foreign_log, small_set):
     for read, meant in zip(load(foreign_log).fit, load(small_set).fit[:1], strict=True):
         np.testing.assert_allclose(read.position, meant.position, atol=1e-8)
         np.testing.assert_allclose(read.torque, meant.torque, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "names", [measured_axis._KEYS, record_files._KEYS, servo_run._KEYS, frf_files._KEYS, columns.COLUMNS,
+              frf_table.COLUMNS, formats.suffixes(), ("controller",)],
+    ids=["axis", "record", "servo", "frf", "columns", "columns of frf", "formats", "drive"],
+)  # fmt: skip
+def test_the_reference_of_measurement_sets_has_every_key_and_format(names):
+    assert [n for n in names if f"`{n}`" not in SETS] == []
+
+
+@pytest.mark.parametrize("column", ["time", "position", "torque", "current", "temperature"])
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+def test_the_reference_of_measurement_sets_has_every_unit(column, kind):
+    section = SETS.split("## Units")[1]
+    row = next(line for line in section.splitlines() if re.match(rf"\| `{column}`( of a {kind})? \|", line))
+    told = re.split(r"[,|] *", row)
+    assert [u for u in units.units_of(column, kind) if u not in map(str.strip, told)] == []
 
 
 def test_the_pages_build_without_a_warning(tmp_path, monkeypatch):
