@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
+_PART = 0.25  # of a wave, that a record passes through at least
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
@@ -213,10 +214,12 @@ def _grid(
     span = float(np.median([np.ptp(o.position) for o in observations]))
     if p.unit == WAVES:
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
-        # told from a spring or an offset; friction that no record passes through once, from that of a load that varies.
+        # told from a spring or an offset; friction that no record passes through once, from that of a load that varies,
+        # where one was logged.
         longest = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
         turn = longest if effect.modulates else _visited(observations) / _ROUND
-        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= 1]
+        least = _PART if effect.modulates and not any(map(_has_load, observations)) else 1
+        return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= least]
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
         # A contact that knocks is heard at any stiffness; a resonance only at its own frequency.
@@ -245,6 +248,10 @@ def _visited(observations: Sequence[Seen]) -> float:
     bins = 8 * ORDERS
     been = [np.unique(np.floor(o.position * (bins / (2 * math.pi))).astype(int) % bins) for o in observations]
     return len(np.unique(np.concatenate(been))) / bins
+
+
+def _has_load(o: Seen) -> bool:
+    return isinstance(o, Observation) and "load" in o.record.signals
 
 
 def _count(o: Seen) -> float:
