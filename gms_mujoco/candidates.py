@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
+_STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
 _PART = 0.25  # of a wave, that a record passes through at least
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
@@ -74,7 +75,8 @@ def _on_servos(plant: Plant) -> list[type[Effect]]:
 def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Effect]]:
     """The effects of the catalogue that could be added to a plant.
 
-    Not those that it has, unless one more harmonic can be added; not those contained in its friction; on a slide joint
+    Not those that it has, unless one more harmonic can be added; not those contained in its friction; none that comes
+    once in a revolution where no record sees a twentieth of it, in which a sine is a straight line; on a slide joint
     none that comes once in a revolution, and waves over the place only where two records hold them to it, for zero is
     often set anew (both of EMPS have a ripple every 2.50 mm, the phases 0.7 mm apart); and from frequency responses
     alone none that they cannot show.
@@ -88,7 +90,10 @@ def applicable(plant: Plant, observations: Sequence[Seen] = ()) -> list[type[Eff
         contained = (*contained, *_NEED_RECORDS, *(["torque_saturation"] if one_level else []))
     out = [e for name, e in effects.CATALOGUE.items() if name not in contained and (name not in plant or grows(e))]
     out = [e for e in out if e.kind != "controller"]  # a record of torque says nothing about one
-    waves = sum(isinstance(o, Observation) for o in observations) > 1
+    runs = [o for o in observations if isinstance(o, Observation)]
+    if runs and max(float(np.ptp(o.position)) for o in runs) < _STRAIGHT * 2 * math.pi:
+        out = [e for e in out if not has_phase(e) or grows(e)]
+    waves = len(runs) > 1
     return [e for e in out if plant.kind == "hinge" or not has_phase(e) or (waves and grows(e))]
 
 

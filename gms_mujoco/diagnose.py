@@ -18,7 +18,7 @@ from .errors import DataError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
 from .frf_observation import Seen
-from .friction_law import choices, leading_further, much_better, with_law, would_be_better
+from .friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .friction_shape import with_exponents
 from .given_inertia import corrected, free, is_doubtful
 from .given_setup import corrected_setup
@@ -291,11 +291,12 @@ def _searched(
     search = Search(seen, select, start, without)
     law_said, late = searched(search, free_law, part(report, 0.02, 0.85))
     inertia_said = ""
-    other = Search(seen, select, free(start), without)
+    as_found = with_law(start, search.start[law_of(search.start)]) if law_said else start
+    other = Search(seen, select, free(as_found), without)
     if is_doubtful(search, other):
         other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9))
         if inertia_said := corrected(search, other):
-            start, search, law_said, late = free(start), other, other_law, other_late
+            start, search, law_said, late = free(start), other, other_law or law_said, other_late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]

@@ -133,9 +133,12 @@ class FrictionLaw:
         """Begins the search anew with another law: what was found beside the wrong one is looked for again."""
         search, name, first = self._search, trial.law.name, self._laws[0].name
         self._taken.add(name)
+        was, now = search.steps[-1].result.error, trial.result.error
+        fall = f"the torque error falls from {100 * was:.2f} % to {100 * now:.2f} %"
+        if now >= was:
+            fall = "less is left of what a fit has not seen"
         self.said = "" if name == first else (
-            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it the torque "
-            f"error falls from {100 * search.steps[-1].result.error:.2f} % to {100 * trial.result.error:.2f} % "
+            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it {fall} "
             + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
                else "with fewer unknowns")
         )  # fmt: skip
