@@ -26,7 +26,7 @@ from .tall import gram
 
 Array = NDArray[np.float64]
 
-MOST_SCATTER = 0.5  # of an effect around its own prediction, relative to its size: more is not the effect
+MOST_SCATTER = 0.4  # of an effect around its own prediction, relative to its size: more is not the effect
 _SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
