@@ -21,6 +21,7 @@ from .judgement import AT_FLOOR, CLOSE, FINALISTS, NEARLY, floor_of, left_of
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
+from .plays import from_other_contacts
 from .refine import fit_to_end
 from .rough import begun, best_start, fewer
 from .screen import Candidate
@@ -171,15 +172,15 @@ class JointFits:
         return min(result, begun, key=attrgetter("error"))
 
     def formed(self, name: str, result: FitResult) -> FitResult:
-        """The same joint fit, or that with another form of the effect where it leaves less: rough fits are no judges of
-        forms that differ little."""
+        """The same joint fit, or that with another form of the effect or another contact of a play where it leaves
+        less: rough fits are no judges of forms that differ little."""
         found = [result]
         for form in FORMS.get(name, ()):
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)
                 found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
-        return min(found, key=attrgetter("error"))
+        return from_other_contacts(min(found, key=attrgetter("error")))
 
 
 def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:

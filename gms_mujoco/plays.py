@@ -1,0 +1,61 @@
+"""A play that is begun again from other contacts: beside a fit lie others in which its load knocks at other instants,
+and no step leads from one to the next."""
+
+from __future__ import annotations
+
+import itertools
+from operator import attrgetter
+
+import numpy as np
+
+from .candidates import width_of
+from .effect import Effect
+from .fit_result import FitResult
+from .least_squares import nudge
+from .plant import Plant
+from .refine import fit_to_end
+
+_WIDTHS = (0.75, 1.0, 1.25)  # times that of a fit
+_FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
+_DAMPINGS = (0.05, 0.15, 0.4)  # a contact that is damped more does not ring, and hides when it knocks
+_CLOSE = 1.1  # times the noise floor: a fit that leaves no more is the one
+_ENDS = 2  # of the contacts that are tried, fitted to their ends
+_LOOKED_AT = 3  # records, those of which most is left
+_MOST = 4  # rounds
+_BETTER = 0.95  # of the error, that a round has to come down to for another
+
+
+def play_of(plant: Plant) -> tuple[Effect, str] | None:
+    """The effect of a plant that has a play, and the name of its width; None without one."""
+    found = ((e, width_of(type(e))) for e in plant.effects)
+    return next(((e, width) for e, width in found if width), None)
+
+
+def from_other_contacts(result: FitResult) -> FitResult:
+    """The fit with its play begun from other widths, frequencies and dampings, where that leaves less; itself at the
+    noise floor, and without a play."""
+    for _ in range(_MOST):
+        play = play_of(result.plant)
+        if play is None or result.error <= _CLOSE * result.floor:
+            break
+        again = min((fit_to_end(*result.misfit.onto(p, result.vector)) for p in _promising(result, *play)),
+                    key=attrgetter("error"))  # fmt: skip
+        if again.error > _BETTER * result.error:
+            break
+        result = again
+    return result
+
+
+def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
+    """Plants with other contacts, of which a few steps leave least of the records of which most is left."""
+    parts = np.split(result.misfit.residual(result.vector), result.misfit.splits)
+    loudest = sorted(range(len(parts)), key=lambda i: -float(parts[i] @ parts[i]))[:_LOOKED_AT]
+    seen = [result.misfit.observations[i] for i in sorted(loudest)]
+    tried = []
+    for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS):
+        values = {width: wider * float(np.asarray(play.values[width])),
+                  "frequency": faster * float(np.asarray(play.values["frequency"])), "damping": damping}  # fmt: skip
+        misfit, x = result.misfit.onto(result.plant.replace(play.replace(**values)), result.vector, seen)
+        x = nudge(misfit, x)
+        tried.append((misfit.cost(x), misfit.plant(x)))
+    return [plant for _, plant in sorted(tried, key=lambda t: t[0])[:_ENDS]]
