@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .candidates import joined
+from .candidates import joined, shapes, width_of
 from .effect import Effect
 from .fit import fit_observations
 from .fit_result import FitResult
@@ -21,9 +21,10 @@ from .judgement import AT_FLOOR, CLOSE, FINALISTS, NEARLY, floor_of, left_of
 from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
-from .plays import from_other_contacts
+from .plays import from_other_contacts, looked_at
 from .refine import fit_to_end
 from .rough import begun, best_start, fewer
+from .scales import Scales
 from .screen import Candidate
 from .servo_observation import ServoObservation
 
@@ -40,6 +41,7 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "position_dependent_friction": _STIFFENING,
     "thermal_drift": _STIFFENING,
 }  # fmt: skip
+_OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 
 
@@ -131,6 +133,25 @@ class JointFits:
                 out.append((special, near, nudge(near, there)))
         return out
 
+    def opened(self, current: FitResult, rough: Sequence[Rough]) -> list[Rough]:
+        """A rough joint fit with a play in the place of each coupling that was tried, takes most and leaves more than
+        noise: as stiff and with as much behind it, as wide as leaves least."""
+        out = []
+        for special, general in _LIMITS.items():
+            for _, misfit, x in (r for r in rough if r[0] == special and general not in current.plant):
+                left = left_of(misfit, x)
+                if left <= AT_FLOOR**2 * floor_of(current) or left > _OPENED * left_of(current.misfit, current.vector):
+                    continue
+                plant, effect = misfit.plant(x), effects.find(general)
+                values = {p.name: plant[special].values[p.name] for p in effects.find(special).parameters}
+                width = width_of(effect)
+                grid = {s[str(width)] for s in shapes(effect, Scales.of(self.seen), self.seen, current.plant)}
+                plants = [plant.without(special) + effect(None, **values, **{str(width): w}) for w in sorted(grid)]
+                best = looked_at(current.misfit, current.vector, plants)[0]
+                near, there = current.misfit.onto(best, current.vector, misfit.observations)
+                out.append((general, near, nudge(near, there)))
+        return out
+
     def _fresh(self, near: Plant) -> Plant:
         """The first plant, not fitted, with what was added to it as it stands in `near`."""
         fresh = self.start
@@ -180,7 +201,8 @@ class JointFits:
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)
                 found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
-        return from_other_contacts(min(found, key=attrgetter("error")))
+        best = min(found, key=attrgetter("error"))
+        return from_other_contacts(best) if width_of(effects.find(name)) else best
 
 
 def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:

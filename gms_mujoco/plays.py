@@ -4,16 +4,21 @@ and no step leads from one to the next."""
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from operator import attrgetter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .candidates import width_of
 from .effect import Effect
 from .fit_result import FitResult
 from .least_squares import nudge
+from .misfit import Misfit
 from .plant import Plant
 from .refine import fit_to_end
+
+Array = NDArray[np.float64]
 
 _WIDTHS = (0.75, 1.0, 1.25)  # times that of a fit
 _FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
@@ -47,15 +52,28 @@ def from_other_contacts(result: FitResult) -> FitResult:
 
 
 def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
-    """Plants with other contacts, of which a few steps leave least of the records of which most is left."""
-    parts = np.split(result.misfit.residual(result.vector), result.misfit.splits)
-    loudest = sorted(range(len(parts)), key=lambda i: -float(parts[i] @ parts[i]))[:_LOOKED_AT]
-    seen = [result.misfit.observations[i] for i in sorted(loudest)]
-    tried = []
+    """Plants with other contacts, of which a few steps leave least."""
+    there = []
     for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS):
         values = {width: wider * float(np.asarray(play.values[width])),
                   "frequency": faster * float(np.asarray(play.values["frequency"])), "damping": damping}  # fmt: skip
-        misfit, x = result.misfit.onto(result.plant.replace(play.replace(**values)), result.vector, seen)
-        x = nudge(misfit, x)
-        tried.append((misfit.cost(x), misfit.plant(x)))
-    return [plant for _, plant in sorted(tried, key=lambda t: t[0])[:_ENDS]]
+        there.append(result.plant.replace(play.replace(**values)))
+    return looked_at(result.misfit, result.vector, there)[:_ENDS]
+
+
+def looked_at(misfit: Misfit, vector: Array, plants: Sequence[Plant]) -> list[Plant]:
+    """Plants after a few steps on the records of which a fit leaves most, those that leave least there first.
+
+    Args:
+        misfit, vector: the fit.
+        plants: with at least the effects of its plant, at their places.
+    """
+    parts = np.split(misfit.residual(vector), misfit.splits)
+    loudest = sorted(sorted(range(len(parts)), key=lambda i: -float(parts[i] @ parts[i]))[:_LOOKED_AT])
+    tried = []
+    for plant in plants:
+        near = Misfit(plant, [misfit.observations[i] for i in loudest])
+        memories = misfit.memories(vector, near.n_memory)
+        x = nudge(near, near.vector(plant, [memories[i] for i in loudest], misfit.skew(vector)))
+        tried.append((near.cost(x), near.plant(x)))
+    return [plant for _, plant in sorted(tried, key=lambda t: t[0])]
