@@ -42,6 +42,31 @@ def test_harmonics_are_tried_only_where_the_motion_passes_them() -> None:
     assert all(n * turn >= 1 for n in few) and len(few) < len(tried)
 
 
+def _over(travel: float, **more: np.ndarray) -> list[Observation]:
+    """A record whose positions span so much [rad]."""
+    record = OBSERVED[-1].record
+    q = travel * (record.position - record.position.min()) / np.ptp(record.position)
+    return [Observation(replace(record, signals={**record.signals, "position": q, **more}), 60.0)]
+
+
+def test_friction_over_a_part_of_a_wave_is_tried_where_no_load_tells_it_from_one_that_varies() -> None:
+    """Of friction that varies twice to a revolution, seen over 1.8 rad, harmonics 4, 5 and 6 were named."""
+    kind, load = effects.PositionDependentFriction, np.ones(len(OBSERVED[-1].record))
+    bare, loaded = _over(1.8), _over(1.8, load=load)
+    tried, few = ([s["harmonics"] for s in shapes(kind, Scales.of(seen), seen)] for seen in (bare, loaded))
+    assert tried[0] == 1 and few[0] == 4
+    narrow = _over(0.2)
+    assert next(shapes(kind, Scales.of(narrow), narrow))["harmonics"] == 8
+
+
+def test_a_sine_of_the_revolution_is_no_candidate_over_a_few_degrees() -> None:
+    """A spring over 0.04 rad had been gravity of twelve times the friction."""
+    once = {"gravity", "encoder_eccentricity"}
+    assert once <= {e.name for e in applicable(HEALTHY, _over(0.5))}
+    names = {e.name for e in applicable(HEALTHY, _over(0.04))}
+    assert not once & names and {"spring", "cogging", "position_dependent_friction"} <= names
+
+
 def test_records_of_other_parts_of_the_revolution_show_longer_waves_together() -> None:
     """Of a wave that no record holds whole its neighbours were named, three of them, with a spring and gravity."""
     record = fit(UNKNOWN, runs(HEALTHY)[2:], bandwidth=60.0).misfit.observations[0].record
