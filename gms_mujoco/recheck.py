@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 MOST_SCATTER = 0.4  # of an effect around its own prediction, relative to its size: more is not the effect
 _SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
+_LEANS, _HARDLY = ("stiffness", "preload"), 0.3  # of the preload, that a spring changes by over the range
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
 
@@ -61,7 +62,7 @@ def exchange(search: Search) -> None:
             search.steps = _along(search.steps, k, trials[chosen])
             search.steps[k] = replace(search.steps[k], others=tuple(rest))
         plant = search.steps[-1].result.plant
-        alike = tuple(trials[i].name for i in equal if trials[i].name not in plant)
+        alike = tuple(t.name for t in (trials[i] for i in equal) if t.name not in plant and not _hardly_leans(t, plant))
         search.steps[k] = replace(search.steps[k], confusable_with=alike)
 
 
@@ -78,6 +79,15 @@ def _part(search: Search, step: Step) -> Trial | None:
     misfit, x = bare.onto(bare.plant(start) + effects.find(_OFFSET)(torque=last.plant[_SPRING].preload), start)
     result = refine(misfit, x)
     return Trial(_OFFSET, result, cross_validated(misfit, result.vector))
+
+
+def _hardly_leans(trial: Trial, plant: Plant) -> bool:
+    """Whether a spring, in the place of the offset of a plant, has come out as hardly more than its preload."""
+    runs = [o for o in trial.result.misfit.observations if isinstance(o, Observation)]
+    if trial.name != _SPRING or _OFFSET not in plant or not runs:
+        return False
+    stiffness, preload = (abs(float(np.asarray(trial.result.plant[_SPRING].values[k]))) for k in _LEANS)
+    return stiffness * max(float(np.ptp(o.position)) for o in runs) < _HARDLY * preload
 
 
 def _simpler(trial: Trial, step: Step, before: Step) -> bool:

@@ -174,6 +174,32 @@ def test_an_effect_of_fewer_parameters_that_took_as_much_is_tried_beside_the_sam
     assert [s.effect for s in search.steps] == [None, "torque_offset"]
 
 
+@pytest.mark.parametrize("stiffness, told", [(0.0, False), (1e-4, True)])
+def test_an_offset_is_not_told_from_a_spring_only_where_that_leans(stiffness: float, told: bool) -> None:
+    """A spring has an offset as its preload, and leaves no more with a stiffness of nothing."""
+    torque = 0.3 * LEVEL
+    seen = observe(dataset(HEALTHY + effects.TorqueOffset(torque=torque)).fit, HEALTHY.inertia)
+
+    def trial(plant: Plant) -> Trial:
+        result = fit_observations(plant, seen)
+        return Trial(plant.effects[-1].name, result, cross_validated(result.misfit, result.vector))
+
+    begun, offset, spring = map(trial, (UNKNOWN, UNKNOWN + effects.TorqueOffset(torque=torque),
+                                        UNKNOWN + effects.Spring(stiffness=1e-7, preload=torque)))  # fmt: skip
+    if stiffness:
+        leaning = spring.result.plant.replace(spring.result.plant["spring"].replace(stiffness=stiffness))
+        misfit, x = spring.result.misfit.onto(leaning, spring.result.vector)
+        spring = spring._replace(result=replace(result_of(misfit, x), error=0.0), held_out=offset.held_out)
+    search = Search(seen, [], UNKNOWN)
+    search.steps = [
+        Step(None, begun.result, held_out=begun.held_out),
+        Step("torque_offset", offset.result, None, ("spring",), held_out=offset.held_out, others=(spring,)),
+    ]
+    exchange(search)
+    assert [s.effect for s in search.steps] == [None, "torque_offset"]
+    assert search.steps[1].confusable_with == (("spring",) if told else ())
+
+
 def test_an_effect_that_does_nothing_does_not_carry_what_was_gained_beside_it() -> None:
     seen = observe(dataset(HEALTHY + HIDDEN["cogging"]).fit[:1], HEALTHY.inertia)
     before = fit_observations(UNKNOWN, seen)
