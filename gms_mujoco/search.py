@@ -225,7 +225,7 @@ class Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
-        rough += [*fits.limits(current, rough), *fits.opened(current, rough)]
+        rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         rough += self._beside_straight(fits.worth_trying(current, rough))
         trials = self._trials(rough, p_values, report)
         self.hint = ""
