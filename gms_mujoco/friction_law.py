@@ -13,7 +13,7 @@ from . import effects
 from .effect import Effect
 from .fit import fit_observations, from_the_data
 from .fit_result import FitResult, result_of
-from .friction_shape import fading_damping
+from .friction_shape import BENDS, elastic_bristle, fading_damping
 from .held_out import HeldOut, p_value
 from .judgement import (
     AT_FLOOR,
@@ -102,12 +102,14 @@ class FrictionLaw:
             if law.name in now.plant or law.name in self._taken:
                 continue
             most = _NEAR * now.misfit.cost(now.vector)
-            misfit, x = from_the_data(with_law(now.plant, law), search.seen, below=most)
+            tried = [from_the_data(with_law(now.plant, form), search.seen, below=most) for form in _forms(law)]
+            misfit, x = min(tried, key=lambda t: t[0].cost(t[1]))
             if misfit.cost(x) > most:
                 continue
             result = result_of(misfit, x)
-            # The damping of a bristle that fades is no step further: without it a fit ends in another place.
-            result, held_out = fading_damping(result, cross_validated(result.misfit, result.vector))
+            # A bristle that bends, or whose damping fades, is no step further: without it a fit ends in another place.
+            bends = elastic_bristle(result, cross_validated(result.misfit, result.vector))
+            result, held_out = fading_damping(*bends)
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
@@ -188,6 +190,11 @@ def _strays(plant: Plant) -> bool:
     """Whether friction comes out many times as strong at rest as while it slides: few samples told so, if any."""
     laws = [e for e in plant.effects if "static" in e.values]
     return any(float(np.asarray(e.static)) > _STRONGEST * float(np.asarray(e.coulomb)) for e in laws)
+
+
+def _forms(law: Effect) -> tuple[Effect, ...]:
+    """A law in each of the forms between which no fit finds a way."""
+    return (law, law.replace(elastic=BENDS)) if "elastic" in law.values and not law.elastic else (law,)
 
 
 def law_of(plant: Plant) -> str:

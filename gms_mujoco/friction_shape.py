@@ -26,10 +26,12 @@ from .starts import weakened
 
 Array = NDArray[np.float64]
 
-SHAPE = ("stribeck_exponent", "slips_back", "damping_velocity")  # parameters of a law that no fit frees unasked
+# Parameters of a law that no fit frees unasked.
+SHAPE = ("stribeck_exponent", "slips_back", "damping_velocity", "elastic")
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
+BENDS = 0.6  # of its level, below which a bristle only bends, to begin with
 _STEPS = 10  # of a fit in which an exponent is free
 _MOST_ELEMENTS = 16  # of friction
 _OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most speeds, and one that falls before them
@@ -88,6 +90,21 @@ def fading_damping(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
             if found is not now:
                 return found, then
     return now, left
+
+
+def elastic_bristle(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with a bristle that only bends below a share of its level, where that takes a good part of what is left;
+    else the same; see `fading_damping`."""
+    if "lugre" not in now.plant or at_floor(now, left, _NEARLY_NOISE):
+        return now, left
+    law = now.plant["lugre"]
+    bends = now.plant.replace(law.replace(elastic=law.elastic or BENDS))
+    misfit, x = now.misfit.onto(bends, now.vector, freed=["lugre.elastic"])
+    x = nudge(misfit, x, _STEPS)  # it begins far above the plant, which has bent to hide it
+    if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now), LEAST_SHARE / 2):
+        return now, left
+    x = refined(misfit, x)
+    return _better(now, left, fit_to_end(*misfit.onto(misfit.plant(x), x)), LEAST_SHARE)
 
 
 def _nudged(now: FitResult, misfit: Misfit, x: Array) -> Array | None:

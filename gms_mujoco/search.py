@@ -22,6 +22,7 @@ from .frf_observation import Seen
 from .friction_shape import (
     SHAPE,
     by_the_letter,
+    elastic_bristle,
     fading_damping,
     following,
     more_elements,
@@ -505,7 +506,7 @@ class Search:
         last = self.steps[-1]
         if not self.timed:
             return False
-        read, left = fading_damping(*by_the_letter(last.result, last.held_out))
+        read, left = fading_damping(*elastic_bristle(*by_the_letter(last.result, last.held_out)))
         bent, best = other_curve(read, left)
         self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
         result, held_out = (read, left) if self.waits else more_elements(bent, best)

@@ -8,7 +8,14 @@ from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_as_logged
 from gms_mujoco.fit_result import FitResult
-from gms_mujoco.friction_shape import by_the_letter, fading_damping, following, other_curve, with_exponents
+from gms_mujoco.friction_shape import (
+    by_the_letter,
+    elastic_bristle,
+    fading_damping,
+    following,
+    other_curve,
+    with_exponents,
+)
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -91,3 +98,20 @@ def test_a_bristle_whose_damping_fades_is_found_to_where_it_does() -> None:
     assert fading_damping(found, left)[0] is found
     healthy = fitted(stays)
     assert fading_damping(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy
+
+
+def test_a_bristle_that_only_bends_is_found_with_its_share() -> None:
+    law = effects.LuGre(stiffness=2.0, damping=1e-3, coulomb=LEVEL, static=1.2 * LEVEL, stribeck_velocity=1.0)
+
+    def fitted(true: Effect) -> FitResult:
+        plant = Plant.axis(J) + effects.LuGre() + effects.Viscous()
+        return fit_as_logged(plant, observe(runs(Plant.axis(J) + true + effects.Viscous(coefficient=2e-5)), J))
+
+    before = fitted(law.replace(elastic=0.7))
+    found, left = elastic_bristle(before, cross_validated(before.misfit, before.vector))
+    assert found.error < 0.7 * before.error and found.error < 1.1 * found.floor
+    assert found.plant["lugre"].elastic == pytest.approx(0.7, abs=0.02)
+    assert found.plant["lugre"].stiffness == pytest.approx(2.0, rel=0.03)
+    assert elastic_bristle(found, left)[0] is found
+    healthy = fitted(law)
+    assert elastic_bristle(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy

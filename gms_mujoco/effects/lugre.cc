@@ -16,19 +16,37 @@ double damping_at(const double* p, double v) {
   return p[6] > 0 ? p[1] * gms::decay((v / p[6]) * (v / p[6])) : p[1];
 }
 
+// Share of its speed by which a bristle slips that pulls so hard along the motion: none below `elastic` times s.
+double slip(const double* p, double along, double s) {
+  if (p[7] == 0) return along / s;
+  return std::fmax(along - p[7] * s, 0) / ((1 - p[7]) * s);
+}
+
+// The pull of a bristle along the motion after a way, exact where s stays.
+double bent(const double* p, double along, double way, double s) {
+  if (p[7] == 0) return s + (along - s) * std::exp(-p[0] * way / s);
+  const double edge = p[7] * s, room = (edge - along) / p[0];  // up to where it only bends
+  if (room >= way) return along + p[0] * way;
+  if (room > 0) {
+    along = edge;
+    way -= room;
+  }
+  return s + (along - s) * std::exp(-p[0] * way / ((1 - p[7]) * s));
+}
+
 double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
               double* next) {
   const double direction = gms::sign(m.displacement);
   double w = state[0];
   if (direction != 0) {  // exact over the interval, with s at its mean velocity
     const double s = level_at(p, m.rate(), direction, level);
-    const double along = direction * w;
-    w = direction * (s > 0 ? s + (along - s) * std::exp(-p[0] * std::fabs(m.displacement) / s) : 0);
+    w = s > 0 ? direction * bent(p, direction * w, std::fabs(m.displacement), s) : 0;
   }
   next[0] = w;
   if (p[1] == 0 || m.velocity == 0) return -w;
   const double s = level_at(p, m.velocity, m.velocity, level);
-  return -w - damping_at(p, m.velocity) * (m.velocity - (s > 0 ? std::fabs(m.velocity) * w / s : m.velocity));
+  const double slips = s > 0 ? slip(p, gms::sign(m.velocity) * w, s) : 1;
+  return -w - damping_at(p, m.velocity) * m.velocity * (1 - slips);
 }
 
 }  // namespace
@@ -44,8 +62,11 @@ const gms::Effect gms_effect_lugre = {
     "memory: minor loops do not close, and it creeps under a varying load below break-away.\n"
     "With a damping velocity Vd > 0 sigma1 exp(-(v/Vd)^2) stands for sigma1: what damps the bristle of a contact at rest\n"
     "is gone when it slides. Vd = 0, the default, is no unknown of a fit; any other value, or none (NaN), is.\n"
+    "With an elastic share e > 0 the bristle only bends while it pulls less than e s along the motion, and slips with\n"
+    "dz/dt = v (1 - (sigma0 |z| - e s) / ((1 - e) s)) beyond: it neither creeps below e s nor gives way as it unbends.\n"
     "Source: Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40 (1995); for Vd, Olsson,\n"
-    "Astrom, Canudas de Wit, Gafvert and Lischinsky, European Journal of Control 4 (1998).",
+    "Astrom, Canudas de Wit, Gafvert and Lischinsky, European Journal of Control 4 (1998);\n"
+    "for e, Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control 47 (2002), by a straight alpha.",
     "The torque error draws loops against position after each reversal, and steps with the sign of velocity.",
     "Reversals at amplitudes around the break-away distance, and slow constant-velocity runs.",
     {{"stiffness", "N m/rad", gms::kUnset, 0, gms::kInfinity, false, true, "sigma0, of the bristle"},
@@ -54,7 +75,8 @@ const gms::Effect gms_effect_lugre = {
      {"static", "N m", gms::kUnset, 0, gms::kInfinity, false, true, "Fs, level at zero velocity", false, "coulomb"},
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 2.0, 0.1, 10, false, false, "delta, shape of the weakening"},
-     {"damping_velocity", "rad/s", 0, 0, gms::kInfinity, false, true, "Vd, velocity at which the damping is gone; 0: it stays"}},
+     {"damping_velocity", "rad/s", 0, 0, gms::kInfinity, false, true, "Vd, velocity at which the damping is gone; 0: it stays"},
+     {"elastic", "1", 0, 0, 0.95, false, false, "e, share of the level below which the bristle only bends; 0: none"}},
     n_state,
     n_memory,
     recall,
