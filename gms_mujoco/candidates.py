@@ -256,7 +256,7 @@ def _visited(observations: Sequence[Seen]) -> float:
 
 
 def _has_load(o: Seen) -> bool:
-    return isinstance(o, Observation) and "load" in o.record.signals
+    return isinstance(o, Observation) and any(k in o.record.signals for k in ("load", "transmitted_torque"))
 
 
 def _count(o: Seen) -> float:
