@@ -145,8 +145,9 @@ class JointFits:
                 plant, effect = misfit.plant(x), effects.find(general)
                 values = {p.name: plant[special].values[p.name] for p in effects.find(special).parameters}
                 width = width_of(effect)
-                grid = {s[str(width)] for s in shapes(effect, Scales.of(self.seen), self.seen, current.plant)}
-                plants = [plant.without(special) + effect(None, **values, **{str(width): w}) for w in sorted(grid)]
+                assert width is not None
+                grid = {s[width] for s in shapes(effect, Scales.of(self.seen), self.seen, current.plant)}
+                plants = [plant.without(special) + effect(None, **values, **{width: w}) for w in sorted(grid)]
                 best = looked_at(current.misfit, current.vector, plants)[0]
                 near, there = current.misfit.onto(best, current.vector, misfit.observations)
                 out.append((general, near, nudge(near, there)))
