@@ -256,7 +256,7 @@ def _visited(observations: Sequence[Seen]) -> float:
 
 
 def _has_load(o: Seen) -> bool:
-    return isinstance(o, Observation) and any(k in o.record.signals for k in ("load", "transmitted_torque"))
+    return isinstance(o, Observation) and o.record.get("load") is not None
 
 
 def _count(o: Seen) -> float:

@@ -331,7 +331,8 @@ def _conclude(
 ) -> Diagnosis:
     last = steps[-1].result
     negligible = max(o.negligible for o in search.seen)
-    holds = _holds([s.comparison for s in steps if s.comparison is not None], negligible)
+    comparisons = [s.comparison for s in steps if s.comparison is not None]
+    holds = _holds(comparisons, negligible)
     at_floor = (search.at_floor or _as_good(steps[-1], negligible)) and holds
     at_floor |= bool(moments) and _told_beforehand(steps[-1].comparison, negligible)
     added = len(steps) > 1
@@ -361,7 +362,7 @@ def _conclude(
         following = _to_isolate(rejected, loudest(last.misfit.observations, left))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
-    notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps)) if line)
+    notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps, comparisons)) if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
@@ -444,9 +445,8 @@ def _unseen(comparison: Comparison | None, negligible: float) -> str:
     )
 
 
-def _contradicted(steps: Sequence[Step]) -> str:
+def _contradicted(steps: Sequence[Step], comparisons: Sequence[Comparison]) -> str:
     """That new records leave clearly more with effects than without them, and what the user may do; else empty."""
-    comparisons = [s.comparison for s in steps if s.comparison is not None]
     if len(comparisons) < len(steps):
         return ""
     errors = [c.determined[0] for c in comparisons]
