@@ -375,6 +375,9 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     without noise, tell apart what makes no difference. So is what has fewer free parameters and leaves no more of what
     it was fitted to, as a coupling where a play has no gap: the further unknowns say nothing, and where refits beside
     them predict better a fold has led the others astray.
+
+    Short of the noise floor the best leaves least of what it claims to foretell: a load that knocks about in its play
+    forgets where it was, and says so. What foretells all of that and leaves as much is not as good.
     """
 
     @functools.cache
@@ -384,13 +387,21 @@ def simplest(trials: Sequence[Trial]) -> tuple[int, list[int]]:
     held_out = [t.held_out for t in trials]
     sizes = [t.result.misfit.coordinates.size for t in trials]
     best = min(range(len(trials)), key=lambda i: held_out[i].total)
+    floors = [0.0] * len(trials)
+    if not at_floor(trials[best].result, held_out[best]):
+        floors = [floor_of(t.result) for t in trials]
+        near = [i for i, h in enumerate(held_out) if h.total < CLOSE * held_out[best].total]
+        best = min(near, key=lambda i: held_out[i].total - floors[i])
     equal = [
         i
         for i, h in enumerate(held_out)
-        if p_value(h, held_out[best]) > _CONFUSABLE
-        or h.total - held_out[best].total < LEAST_GAIN * held_out[best].total
-        or h.total <= trials[i].result.negligible
-        or (sizes[i] < sizes[best] and left(i) <= (1 + _NO_MORE) * left(best))
+        if floors[best] - floors[i] < LEAST_GAIN * h.total
+        and (
+            p_value(h, held_out[best]) > _CONFUSABLE
+            or h.total - held_out[best].total < LEAST_GAIN * held_out[best].total
+            or h.total <= trials[i].result.negligible
+            or (sizes[i] < sizes[best] and left(i) <= (1 + _NO_MORE) * left(best))
+        )
     ]
     chosen = min(equal, key=lambda i: (sizes[i], held_out[i].total))
     return chosen, [i for i in equal if i != chosen]

@@ -9,6 +9,7 @@ from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from .candidates import width_of
 from .effect import Effect
@@ -23,9 +24,12 @@ Array = NDArray[np.float64]
 _WIDTHS = (0.75, 1.0, 1.25)  # times that of a fit
 _FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
 _DAMPINGS = (0.05, 0.15, 0.4)  # a contact that is damped more does not ring, and hides when it knocks
+_LOOKS = 64  # at contacts beside that of a fit, spread over a box: the valley of one as stiff is narrow, and oblique
+_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}
 _CLOSE = 1.1  # times the noise floor: a fit that leaves no more is the one
 _ENDS = 2  # of the contacts that are tried, fitted to their ends
 _LOOKED_AT = 3  # records, those of which most is left
+_CLOSER = 9  # plants of which a few steps are taken, those that leave least as they are: no other came out best
 _MOST = 4  # rounds
 _BETTER = 0.95  # of the error, that a round has to come down to for another
 
@@ -37,7 +41,7 @@ def play_of(plant: Plant) -> tuple[Effect, str] | None:
 
 
 def from_other_contacts(result: FitResult) -> FitResult:
-    """The fit with its play begun from other widths, frequencies and dampings, where that leaves less; itself at the
+    """The fit with its play begun from other contacts, where that leaves less; itself at the
     noise floor, and without a play."""
     for _ in range(_MOST):
         play = play_of(result.plant)
@@ -53,16 +57,21 @@ def from_other_contacts(result: FitResult) -> FitResult:
 
 def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
     """Plants with other contacts, of which a few steps leave least."""
-    there = []
-    for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS):
-        values = {width: wider * float(np.asarray(play.values[width])),
-                  "frequency": faster * float(np.asarray(play.values["frequency"])), "damping": damping}  # fmt: skip
-        there.append(result.plant.replace(play.replace(**values)))
-    return looked_at(result.misfit, result.vector, there)[:_ENDS]
+    own = {k: float(np.asarray(play.values[k])) for k in (width, "frequency", "damping", "inertia")}
+    there = [
+        {width: wider * own[width], "frequency": faster * own["frequency"], "damping": damping}
+        for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS)
+    ]
+    low, high = np.log(list(_BESIDE.values())).T
+    for times in np.exp(low + (high - low) * qmc.Sobol(len(low), seed=0).random(_LOOKS)):
+        there.append({k: float(x * own[k]) for k, x in zip(own, times, strict=True)})
+    plants = [result.plant.replace(play.replace(**values)) for values in there]
+    return looked_at(result.misfit, result.vector, plants)[:_ENDS]
 
 
 def looked_at(misfit: Misfit, vector: Array, plants: Sequence[Plant]) -> list[Plant]:
-    """Plants after a few steps on the records of which a fit leaves most, those that leave least there first.
+    """The most promising plants after a few steps on the records of which a fit leaves most, those that leave least
+    there first.
 
     Args:
         misfit, vector: the fit.
@@ -70,10 +79,12 @@ def looked_at(misfit: Misfit, vector: Array, plants: Sequence[Plant]) -> list[Pl
     """
     parts = np.split(misfit.residual(vector), misfit.splits)
     loudest = sorted(sorted(range(len(parts)), key=lambda i: -float(parts[i] @ parts[i]))[:_LOOKED_AT])
-    tried = []
+    begun = []
     for plant in plants:
         near = Misfit(plant, [misfit.observations[i] for i in loudest])
         memories = misfit.memories(vector, near.n_memory)
-        x = nudge(near, near.vector(plant, [memories[i] for i in loudest], misfit.skew(vector)))
-        tried.append((near.cost(x), near.plant(x)))
-    return [plant for _, plant in sorted(tried, key=lambda t: t[0])]
+        x = near.vector(plant, [memories[i] for i in loudest], misfit.skew(vector))
+        begun.append((near.cost(x), near, x))
+    begun.sort(key=lambda t: t[0])
+    tried = [(near, nudge(near, x)) for _, near, x in begun[:_CLOSER]]
+    return [near.plant(x) for near, x in sorted(tried, key=lambda t: t[0].cost(t[1]))]
