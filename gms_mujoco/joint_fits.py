@@ -35,7 +35,8 @@ _POINTS = 80  # of frequency responses that contenders are fitted to
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "asymmetric_friction": (
-        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0}
+        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
+        {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0},
     ),
     "load_dependent_friction": _STIFFENING,
     "position_dependent_friction": _STIFFENING,

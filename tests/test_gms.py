@@ -150,6 +150,20 @@ def test_an_element_whose_limit_drops_at_a_reversal_sticks_at_it():
     assert torque[3] == pytest.approx(0.8 * FC - 1e-3)
 
 
+def test_an_element_that_is_stiffer_one_way_may_carry_its_force_over_a_reversal():
+    """From 1.2 forward it unwinds at 0.8 of its stiffness, where it else gives way to 0.8 of its level at once."""
+    law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e6)
+    q = np.array([0, 0.02, 0.02 - 1e-6, 0.02 - 1e-3, -0.1])
+    carried, drops = (
+        -(Plant.axis() + law + effects.AsymmetricFriction(level=0.2, dropping=r)).joint()
+        .replay(np.arange(5.0), q, np.gradient(q)).torque
+        for r in (0, 1)
+    )  # fmt: skip
+    np.testing.assert_allclose(carried[1:4], 1.2 * FC - 0.8 * np.array([0, 1e-6, 1e-3]), rtol=1e-9)
+    assert drops[2] < 0.81 * FC
+    assert carried[4] == drops[4] == pytest.approx(-0.8 * FC)
+
+
 def test_what_slid_at_speed_falls_by_as_much_as_the_level_does_at_a_reversal():
     """From 1.2 of the level of its speed to 0.8 of that, and not of what the joint has at rest."""
     law = effects.GMS(stiffness=[1.0], fraction=[1.0], coulomb=FC, static=2 * FC, stribeck_velocity=VS, attraction=1.0)

@@ -38,18 +38,40 @@ def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
 def test_fewer_parameters_that_leave_as_much_are_preferred(
     monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, negligible: float, chosen: int, others: list[int]
 ) -> None:
-    """The play is the first, with one parameter more than the coupling."""
+    assert simplest(_play_and_coupling(monkeypatch, held_out, left, negligible)) == (chosen, others)
+
+
+@pytest.mark.parametrize(("unforeseen", "chosen", "others"), [(0.0, 1, [0]), (0.2, 0, []), (0.8, 1, [0])],
+                         ids=["neither", "a part", "nearly all: at the noise floor"])  # fmt: skip
+def test_what_does_not_claim_to_foretell_all_that_it_leaves_is_better(
+    monkeypatch: pytest.MonkeyPatch, unforeseen: float, chosen: int, others: list[int]
+) -> None:
+    trials = _play_and_coupling(monkeypatch, 1.0, 1.0, unforeseen=unforeseen)
+    assert simplest(trials) == (chosen, others)
+
+
+def _play_and_coupling(
+    monkeypatch: pytest.MonkeyPatch, held_out: float, left: float, negligible: float = 0.0, unforeseen: float = 0.0
+) -> list[judgement.Trial]:
+    """The play is the first, with one parameter more than the coupling, and leaves 1.
+
+    Args:
+        unforeseen: share of that, that the play does not foretell.
+    """
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: misfit.left)
+    monkeypatch.setattr(judgement, "floor_of", lambda result: max(result.floor, result.negligible))
     seen = observe(runs(HEALTHY), J)
     noise = np.random.default_rng(0).standard_normal(sum(len(o.index) for o in seen))
 
-    def trial(name: str, size: int, left: float, held_out: float) -> judgement.Trial:
+    def trial(name: str, size: int, left: float, held_out: float, floor: float) -> judgement.Trial:
+        behind = HeldOut(np.sqrt(held_out) * noise, seen)
         misfit = SimpleNamespace(left=left, coordinates=SimpleNamespace(size=size))
-        result: Any = SimpleNamespace(misfit=misfit, vector=None, negligible=negligible)
-        return judgement.Trial(name, result, HeldOut(np.sqrt(held_out) * noise, seen))
+        result: Any = SimpleNamespace(
+            misfit=misfit, vector=None, negligible=negligible, floor=floor * behind.total
+        )
+        return judgement.Trial(name, result, behind)
 
-    trials = [trial("backlash", 5, 1.0, 1.0), trial("flexible_coupling", 4, left, held_out)]
-    assert simplest(trials) == (chosen, others)
+    return [trial("backlash", 5, 1.0, 1.0, unforeseen), trial("flexible_coupling", 4, left, held_out, 0.0)]
 
 
 @pytest.mark.parametrize(("second", "taken"), [((1.0, 0.1), 3), ((0.1, 1.0), 2)], ids=["alike", "different"])

@@ -5,10 +5,8 @@ namespace {
 void modulate(const double* p, int, const gms::Motion&, gms::Level& level) {
   level.forward *= 1 + p[0];
   level.backward *= 1 - p[0];
-  if (p[2] == 0) {
-    level.stiffens = false;
-    if (p[3] == 0) level.drops = false;
-  }
+  if (p[2] == 0) level.stiffens = false;
+  if (p[3] == 0) level.drops = false;
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double*, double*) {
@@ -27,7 +25,7 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "backward). A constant difference that does not scale with the level is `torque_offset`. The elements of `gms` are\n"
     "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone. An element that turns\n"
     "then drops to the level of the direction that it comes to, or with r = 0 carries its force over, as a spring with\n"
-    "two yield limits does: a constant torque, where the level does not depend on speed.\n"
+    "two yield limits does: with s = 0 a constant torque, where the level does not depend on speed.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",
@@ -35,7 +33,7 @@ const gms::Effect gms_effect_asymmetric_friction = {
     {{"level", "1", 0, -0.99, 0.99, false, true, "a, relative difference of the friction level"},
      {"viscous", "N m s/rad", 0.0, -gms::kInfinity, gms::kInfinity, false, true, "b, half the difference of the viscous drags"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness differs as the level does; 0: the level alone"},
-     {"dropping", "1", 1, 0, 1, false, false, "r, 1: a force that turns drops to the new level; 0: it is carried over (s = 0)"}},
+     {"dropping", "1", 1, 0, 1, false, false, "r, 1: a force that turns drops to the new level; 0: it is carried over"}},
     nullptr,
     nullptr,
     nullptr,
