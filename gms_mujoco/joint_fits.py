@@ -42,6 +42,7 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "position_dependent_friction": _STIFFENING,
     "thermal_drift": _STIFFENING,
 }  # fmt: skip
+_STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 
@@ -112,10 +113,11 @@ class JointFits:
     ) -> list[tuple[Misfit, Array]]:
         """Rough fits with an effect that is strong, in each of its forms, the most promising first: from the beginning,
         where they begin alike, or of a servo, which bends less, from here."""
-        plant = joined(plant, effect.replace(**ways[0]))
+        plants = [joined(plant, effect.replace(**form)) for form in ways]
         if not self.simulated:
-            plant = best_start(self._fresh(plant), self.few, below=below)
-        return [begun(plant.replace(plant[effect.name].replace(**form)), self.few, below=below) for form in ways]
+            starts = [best_start(self._fresh(p), self.few, below=below) for p in plants[:_STARTS]]
+            plants = starts + [starts[0].replace(p[effect.name]) for p in plants[_STARTS:]]
+        return [begun(p, self.few, below=below) for p in plants]
 
     def limits(self, current: FitResult, rough: Sequence[Rough]) -> list[Rough]:
         """Rough joint fits with the limit of each effect that was tried and has one, from where that one came to.
