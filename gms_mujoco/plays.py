@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from operator import attrgetter
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from .candidates import width_of
 from .effect import Effect
@@ -25,7 +25,7 @@ _WIDTHS = (0.75, 1.0, 1.25)  # times that of a fit
 _FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
 _DAMPINGS = (0.05, 0.15, 0.4)  # a contact that is damped more does not ring, and hides when it knocks
 _LOOKS = 64  # at contacts beside that of a fit, spread over a box: the valley of one as stiff is narrow, and oblique
-_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}
+_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}  # times
 _CLOSE = 1.1  # times the noise floor: a fit that leaves no more is the one
 _ENDS = 2  # of the contacts that are tried, fitted to their ends
 _LOOKED_AT = 3  # records, those of which most is left
@@ -41,8 +41,8 @@ def play_of(plant: Plant) -> tuple[Effect, str] | None:
 
 
 def from_other_contacts(result: FitResult) -> FitResult:
-    """The fit with its play begun from other contacts, where that leaves less; itself at the
-    noise floor, and without a play."""
+    """The fit with its play begun from other contacts, where that leaves less; itself at the noise floor, and without a
+    play."""
     for _ in range(_MOST):
         play = play_of(result.plant)
         if play is None or result.error <= _CLOSE * result.floor:
@@ -62,11 +62,12 @@ def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
         {width: wider * own[width], "frequency": faster * own["frequency"], "damping": damping}
         for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS)
     ]
-    low, high = np.log(list(_BESIDE.values())).T
-    for times in np.exp(low + (high - low) * qmc.Sobol(len(low), seed=0).random(_LOOKS)):
+    low, high = np.log([_BESIDE["width" if k == width else k] for k in own]).T
+    spread = scipy.stats.qmc.Sobol(len(low), seed=0).random(_LOOKS)
+    for times in np.exp(low + (high - low) * spread):
         there.append({k: float(x * own[k]) for k, x in zip(own, times, strict=True)})
     plants = [result.plant.replace(play.replace(**values)) for values in there]
-    return looked_at(result.misfit, result.vector, plants)[:_ENDS]
+    return looked_at(result.misfit, result.vector, [p for p in plants if p.driven_inertia > 0])[:_ENDS]
 
 
 def looked_at(misfit: Misfit, vector: Array, plants: Sequence[Plant]) -> list[Plant]:

@@ -1,9 +1,11 @@
 """A play that is begun again from other contacts: out of fits in which its load knocks at the wrong instants."""
 
+import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, J, runs
 
-from gms_mujoco import effects
+from gms_mujoco import effects, plays
+from gms_mujoco.fit_result import result_of
 from gms_mujoco.joint_fits import JointFits
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -38,6 +40,20 @@ def test_a_fit_without_a_play_or_at_the_noise_floor_stays() -> None:
     assert there.error < 1.1 * there.floor and from_other_contacts(there) is there
     healthy = refine(*_begun(HEALTHY))
     assert healthy.error > 2 * healthy.floor and from_other_contacts(healthy) is healthy
+
+
+def test_contacts_are_looked_at_all_around_with_some_inertia_left_to_the_motor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a load that is nearly all of the axis no heavier one is looked at that would be more."""
+    offered: list[Plant] = []
+    monkeypatch.setattr(plays, "looked_at", lambda misfit, vector, plants: offered.extend(plants) or plants)
+    heavy = PLAY.replace(inertia=0.95 * J)
+    misfit, vector = _begun(HEALTHY + heavy)
+    plays._promising(result_of(misfit, vector), heavy, "gap")
+    assert len(offered) > 60 and all(p.driven_inertia > 0 for p in offered)
+    for name in ("gap", "frequency", "damping"):
+        there = [float(np.asarray(p["backlash"].values[name])) for p in offered]
+        assert min(there) < heavy.values[name] < max(there)
+    assert max(p["backlash"].inertia for p in offered) > 0.95 * J
 
 
 @pytest.mark.slow
