@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import effects
 from .compare import Comparison, compare_observations, quick_error
@@ -41,7 +42,10 @@ from .threads import one_blas_thread
 from .time_steps import as_fitted
 from .undetermined import never_slips
 
+Array = NDArray[np.float64]
+
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
+_CLOSER = 0.98  # times the error of new records without an effect, that one which comes close leaves at most
 _CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
 _WORSE = 1.1  # times what is left of new records without an effect: one with which more is left is contradicted
 _NEAR_FLOOR = 2.0  # times the noise floor: more is left of new records by a plant that lacks something
@@ -359,16 +363,32 @@ def _conclude(
     elif search.hint:
         following = TorqueReading.experiment
     elif not at_floor:
-        following = _to_isolate(rejected, loudest(last.misfit.observations, left))
+        following = _to_isolate(rejected, _loudest(search, steps[-1], left), steps[-1].validate_error)
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
     notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps, comparisons)) if line)
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
-def _to_isolate(rejected: Sequence[Rejected], record: str) -> str:
-    """What to measure where nothing known explains the rest: what the closest effect asks for, or the same again."""
-    likely = min(rejected, key=lambda r: r.p_value, default=None)
+def _loudest(search: Search, step: Step, left: Sequence[Array]) -> str:
+    """Name of the record that most of what remains stands in: of those that were not fitted, where the others are told
+    as well as noise allows."""
+    if search.at_floor and step.comparison is not None:
+        runs = step.comparison.records
+        return loudest([r.observation for r in runs], [r.residual for r in runs])
+    return loudest(step.result.misfit.observations, left)
+
+
+def _to_isolate(rejected: Sequence[Rejected], record: str, error: float | None = None) -> str:
+    """What to measure where nothing known explains the rest: what the closest effect asks for, or the same again.
+
+    Args:
+        rejected: what was tried.
+        record: that most of what remains stands in.
+        error: of the validate records, of which an effect that is close takes something.
+    """
+    near = [r for r in rejected if error is None or r.validate_error is None or r.validate_error < _CLOSER * error]
+    likely = min(near, key=lambda r: r.p_value, default=None)
     if likely is None or likely.p_value > _SAYS_NOTHING:
         return (
             f"Nothing known explains the rest, or comes close. Measure {record} twice more in the same way: what comes "

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import mujoco
 
 JOINT_KINDS = ("hinge", "slide")
+_MOST_DIGITS = 7  # of a value that is told
 
 
 @dataclass(frozen=True)
@@ -162,8 +163,10 @@ class Plant:
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Name, value, 95 % interval and unit of every parameter, as text."""
         return [
-            (name, f"{value:.5g}", _interval_text(value, self.uncertainty.get(name)), unit)
+            (name, f"{value:.{max(5, n)}g}", _interval_text(value, interval, max(4, n)), unit)
             for name, (value, unit) in self.numbers().items()
+            for interval in [self.uncertainty.get(name)]
+            for n in [_telling_digits(value, interval)]
         ]
 
     def __str__(self) -> str:
@@ -346,15 +349,23 @@ class Plant:
         )
 
 
-def _interval_text(value: float, interval: tuple[float, float] | None) -> str:
+def _telling_digits(value: float, interval: tuple[float, float] | None) -> int:
+    """Significant digits of a value by which its interval is told from a point; 0 without an interval."""
+    width = interval[1] - interval[0] if interval else 0.0
+    if not 0 < width < math.inf or value == 0:
+        return 0
+    return min(math.floor(math.log10(abs(value))) - math.floor(math.log10(width)) + 2, _MOST_DIGITS)
+
+
+def _interval_text(value: float, interval: tuple[float, float] | None, digits: int) -> str:
     if interval is None:
         return ""
     low, high = interval
     if high == math.inf and 0 < value < 1e3 * low:
-        return f"at least {low:.4g}"
+        return f"at least {low:.{digits}g}"
     if not high - low < 1e3 * abs(value) and (value != 0 or not math.isfinite(high - low)):
         return "undetermined"
-    return f"[{low:.4g}, {high:.4g}]"
+    return f"[{low:.{digits}g}, {high:.{digits}g}]"
 
 
 def slide_unit(unit: str) -> str:

@@ -131,6 +131,13 @@ def test_what_came_closest_is_told_only_where_it_came_closer_than_chance(p_value
         assert "came closest" not in said and "Measure slow.csv" in said
 
 
+def test_what_leaves_as_much_of_new_records_did_not_come_close() -> None:
+    tried = [Rejected("delay", 1e-6, 0.0499), Rejected("spring", 1e-3, 0.04), Rejected("cogging", 0.02, 0.03)]
+    assert "spring came closest" in _to_isolate(tried, "slow.csv", 0.05)
+    assert "delay came closest" in _to_isolate(tried, "slow.csv")
+    assert "Measure slow.csv" in _to_isolate(tried[:1], "slow.csv", 0.05)
+
+
 @pytest.mark.parametrize(
     ("fitted", "new", "good"), [(1.18, 1.1, True), (1.3, 1.1, False), (1.1, 1.3, False), (1.18, None, True)]
 )

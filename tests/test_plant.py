@@ -128,3 +128,15 @@ def test_an_effect_with_one_element_shows_its_interval() -> None:
     plant = Plant.axis(1.0) + effects.find("cogging")(harmonics=[5], amplitude=[0.2], phase=[0.1])
     rows = replace(plant, uncertainty={"cogging.amplitude": (0.1, 0.3)}).rows()
     assert ("cogging.amplitude", "0.2", "[0.1, 0.3]", "N m") in rows
+
+
+@given(st.floats(1e-9, 1e9), st.floats(1e-5, 1.0), st.booleans())
+def test_a_value_is_told_inside_its_interval_with_ends_that_differ(value: float, half: float, negative: bool) -> None:
+    value = -value if negative else value
+    ends = sorted((value * (1 - half), value * (1 + half)))
+    offset = Plant.axis(1.0) + effects.TorqueOffset(torque=value)
+    plant = replace(offset, uncertainty={"torque_offset.torque": tuple(ends)})
+    _, told, interval, _ = next(row for row in plant.rows() if row[0] == "torque_offset.torque")
+    low, high = map(float, interval.strip("[]").split(", "))
+    assert low < float(told) < high
+    assert low == pytest.approx(ends[0], abs=0.1 * (ends[1] - ends[0]))
