@@ -374,8 +374,7 @@ def _loudest(search: Search, step: Step, left: Sequence[Array]) -> str:
     """Name of the record that most of what remains stands in: of those that were not fitted, where the others are told
     as well as noise allows."""
     if search.at_floor and step.comparison is not None:
-        runs = step.comparison.records
-        return loudest([r.observation for r in runs], [r.residual for r in runs])
+        return max(step.comparison.rows, key=lambda r: float(r.residual @ r.residual)).name
     return loudest(step.result.misfit.observations, left)
 
 

@@ -112,7 +112,7 @@ class JointFits:
         self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], below: float
     ) -> list[tuple[Misfit, Array]]:
         """Rough fits with an effect that is strong, in each of its forms, the most promising first: from the beginning,
-        where they begin alike, or of a servo, which bends less, from here."""
+        where the others begin as the first does, or of a servo, which bends less, from here."""
         plants = [joined(plant, effect.replace(**form)) for form in ways]
         if not self.simulated:
             starts = [best_start(self._fresh(p), self.few, below=below) for p in plants[:_STARTS]]

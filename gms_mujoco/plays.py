@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 _WIDTHS = (0.75, 1.0, 1.25)  # times that of a fit
 _FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
 _DAMPINGS = (0.05, 0.15, 0.4)  # a contact that is damped more does not ring, and hides when it knocks
-_LOOKS = 64  # at contacts beside that of a fit, spread over a box: the valley of one as stiff is narrow, and oblique
-_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}  # times
+_LOOKS = 64  # at contacts beside that of a fit, spread over a box: the valley of a stiff one is narrow, and oblique
+# Its sides, times what a fit has.
+_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}
 _CLOSE = 1.1  # times the noise floor: a fit that leaves no more is the one
 _ENDS = 2  # of the contacts that are tried, fitted to their ends
 _LOOKED_AT = 3  # records, those of which most is left

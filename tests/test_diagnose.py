@@ -18,7 +18,7 @@ from gms_mujoco.bench import run_loop
 from gms_mujoco.compare import Comparison
 from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
-from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _to_isolate, diagnose
+from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _loudest, _to_isolate, diagnose
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
@@ -136,6 +136,14 @@ def test_what_leaves_as_much_of_new_records_did_not_come_close() -> None:
     assert "spring came closest" in _to_isolate(tried, "slow.csv", 0.05)
     assert "delay came closest" in _to_isolate(tried, "slow.csv")
     assert "Measure slow.csv" in _to_isolate(tried[:1], "slow.csv", 0.05)
+
+
+def test_the_loudest_of_what_was_not_fitted_may_be_a_frequency_response() -> None:
+    """Of responses alone, or of a servo, no record is compared."""
+    rows = [SimpleNamespace(name=f"{k}.csv", residual=np.full(3, k)) for k in (1.0, 3.0, 2.0)]
+    step: Any = SimpleNamespace(comparison=SimpleNamespace(records=(), rows=rows))
+    search: Any = SimpleNamespace(at_floor=True)
+    assert _loudest(search, step, []) == "3.0.csv"
 
 
 @pytest.mark.parametrize(

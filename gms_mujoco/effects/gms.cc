@@ -69,10 +69,9 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   const double scale = back ? at.backward : at.forward, other = back ? at.forward : at.backward;
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
   const double against = at.drops ? scale : other;
-  const bool drops = at.drops && !at.stiffens;  // in its level alone
+  const bool falls = at.drops && scale < other;  // in its level alone at once, as a whole where it gives way
   return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, against,
-          -p[2 * n + 1] * against, drops && scale < other ? scale / other : 1,
-          at.stiffens && at.drops && scale < other, 0, 0, 0};
+          -p[2 * n + 1] * against, falls && !at.stiffens ? scale / other : 1, falls && at.stiffens, 0, 0, 0};
 }
 
 // One element: it sticks or slides at the level, of which `left` is what has not decayed over the interval. Without
