@@ -31,7 +31,6 @@ from .observe import driven, observe
 from .paths import searched
 from .plant import Plant
 from .progress import Progress, part, silent
-from .reading import TorqueReading
 from .recheck import drop_last
 from .refine import finished
 from .remainder import describe, loudest
@@ -275,7 +274,8 @@ def diagnose(
             for name, p, near in search.left_out()
         )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    said = (late, search.hint, would_be_better(search) if plant and not search.at_floor else "")
+    hint = search.hint.said if search.hint else ""
+    said = (late, hint, would_be_better(search) if plant and not search.at_floor else "")
     found = _conclude(steps, rejected, floor, search, moments, said)
     found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
     if candidates:
@@ -361,7 +361,7 @@ def _conclude(
     elif stuck := never_slips(last.plant, last.misfit.observations):
         following = stuck
     elif search.hint:
-        following = TorqueReading.experiment
+        following = search.hint.experiment
     elif not at_floor:
         following = _to_isolate(rejected, _loudest(search, steps[-1], left), steps[-1].validate_error)
     off = f"The fit records are off {moments}" if moments and at_floor else ""

@@ -25,7 +25,7 @@ def free(plant: Plant) -> Plant:
 
 def is_doubtful(search: Search, other: Search) -> bool:
     """Whether another inertia than the given one would leave hardly more in the place of an effect that was found, or
-    with one effect that is still missing much less.
+    with one effect that is still missing much less; also than what explains more than any effect would leave.
 
     A load on a spring too soft to move it takes its inertia off the axis, and a late torque looks like a heavier one:
     an effect may say no more than that a figure from a drawing is wrong.
@@ -38,6 +38,8 @@ def is_doubtful(search: Search, other: Search) -> bool:
     if not last.plant.inertia_known or search.fits.simulated:
         return False
     least, floor = left_of(last.misfit, last.vector), floor_of(last)
+    if search.hint is not None:
+        least = min(least, search.hint.left)
     enough = max(CLOSE * least, AT_FLOOR**2 * floor)
     for step in search.steps[1:]:
         misfit, x = without(last, str(step.effect))

@@ -14,7 +14,7 @@ sides then pass the same zero-phase low-pass, which sets the bandwidth in which 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -321,8 +321,12 @@ class Observation:
 
     def again(self, position: Array) -> Observation:
         """The same observation of another position (n,) [rad]."""
-        signals = {**self.record.signals, "position": position}
-        return replace(self, record=replace(self.record, signals=signals), cutoff=self._cutoff, asked=self._asked)
+        return self.with_signals({"position": position})
+
+    def with_signals(self, signals: Mapping[str, Array]) -> Observation:
+        """The same observation with other signals (n,), or more of them."""
+        record = replace(self.record, signals={**self.record.signals, **signals})
+        return replace(self, record=record, cutoff=self._cutoff, asked=self._asked)
 
     @property
     def skews_within(self) -> tuple[float, float]:

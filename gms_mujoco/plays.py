@@ -67,7 +67,9 @@ def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
     spread = scipy.stats.qmc.Sobol(len(low), seed=0).random(_LOOKS)
     for times in np.exp(low + (high - low) * spread):
         there.append({k: float(x * own[k]) for k, x in zip(own, times, strict=True)})
-    plants = [result.plant.replace(play.replace(**values)) for values in there]
+    bounds = {p.name: (p.lower, p.upper) for p in play.parameters}
+    inside = [{k: float(np.clip(x, *bounds[k])) for k, x in values.items()} for values in there]
+    plants = [result.plant.replace(play.replace(**values)) for values in inside]
     return looked_at(result.misfit, result.vector, [p for p in plants if p.driven_inertia > 0])[:_ENDS]
 
 

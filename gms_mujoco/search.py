@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .beyond import Hint, beyond
 from .candidates import applicable, grows, is_open, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
@@ -147,7 +148,7 @@ class Search:
         self.steps: list[Step] = []
         self.rejected: list[Tried] = []
         self.false: set[str] = set()  # effects that were added and taken away again
-        self.hint = ""  # what explains more than anything in the catalogue
+        self.hint: Hint | None = None  # what explains more than anything in the catalogue
         self.waits = False  # whether another curve of friction does, see `shape`
 
     @property
@@ -170,7 +171,7 @@ class Search:
         out, before = copy(self), self.steps[number - 1]
         p = p_value(before.held_out, trial.held_out)
         out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
-        out.seen, out.rejected, out.false, out.hint, out.waits = list(self.seen), [], set(), "", False
+        out.seen, out.rejected, out.false, out.hint, out.waits = list(self.seen), [], set(), None, False
         return out
 
     def left_out(self) -> list[tuple[str, float, Plant | None]]:
@@ -229,16 +230,19 @@ class Search:
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         rough += self._beside_straight(fits.worth_trying(current, rough))
         trials = self._trials(rough, p_values, report)
-        self.hint = ""
-        if self._reads_a_ring(trials):
+        self.hint = self._beyond(trials)
+        beyond_all = self.hint is not None
+        if not beyond_all and self._reads_a_ring(trials):
             swinging = [name for name, plant in plants.items() if swings(plant[name])]
             p_values |= dict.fromkeys(swinging, 1.0)
             promising = [c for c in promising if c.effect.name not in swinging]
         new = [c for c in promising if c.effect.name not in current.plant]
         problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
-        added = self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
+        added = not beyond_all and (
+            self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
+        )
         for more in (self._beside_following, lambda: self._afresh(new, report)):
-            if not added and (begun := more()):
+            if not (added or beyond_all) and (begun := more()):
                 trials += self._trials(begun, p_values, report)
                 added = self._accept(trials, p_values)
         fitted = {name: r.plant for name, r, _ in trials}
@@ -246,6 +250,8 @@ class Search:
         self.rejected = [
             Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
         ]
+        if beyond_all:
+            return False
         return added or self._drag_for_curve() or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
@@ -359,6 +365,15 @@ class Search:
             out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
         return out
 
+    def _beyond(self, trials: Sequence[Trial]) -> Hint | None:
+        """What is in no catalogue and leaves much less than the best of the trials, short of the noise floor."""
+        if not trials or self.at_floor or not self.only_timed:
+            return None
+        best = min(trials, key=lambda t: t.held_out.total)
+        if at_floor(best.result, best.held_out):
+            return None
+        return beyond(self.steps[-1].result, self.held_out, best)
+
     def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
         """Whether a torque reading that rings explains more than an axis of which a part swings; says so in `hint`."""
         swinging = [t for t in trials if swings(t.result.plant[t.name]) and self.is_worth_it(t.result, t.held_out)]
@@ -378,9 +393,10 @@ class Search:
             return False
         period = sensor.values["period"]
         share = 1 - left / as_shown(sensor, self.held_out)
-        self.hint = (
+        self.hint = Hint(
             f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
-            f"compliance does ({100 * share:.0f} % of the square)"
+            f"compliance does ({100 * share:.0f} % of the square)",
+            TorqueReading.experiment,
         )
         return True
 

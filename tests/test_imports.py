@@ -35,7 +35,7 @@ LAYERS = [
     {"dataset"},
     {"elements", "remainder", "custom", "goals"},
     {"reading", "judgement"},
-    {"moments", "plays"},
+    {"beyond", "moments", "plays"},
     {"friction_shape", "joint_fits"},
     {"search"},
     {"recheck", "friction_law"},

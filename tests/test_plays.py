@@ -56,6 +56,15 @@ def test_contacts_are_looked_at_all_around_with_some_inertia_left_to_the_motor(m
     assert max(p["backlash"].inertia for p in offered) > 0.95 * J
 
 
+def test_contacts_beside_one_at_the_end_of_its_range_stay_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    offered: list[Plant] = []
+    monkeypatch.setattr(plays, "looked_at", lambda misfit, vector, plants: offered.extend(plants) or plants)
+    least = next(p.lower for p in PLAY.parameters if p.name == "frequency")
+    soft = PLAY.replace(frequency=least)
+    plays._promising(result_of(*_begun(HEALTHY + soft)), soft, "gap")
+    assert min(p["backlash"].frequency for p in offered) == least
+
+
 @pytest.mark.slow
 def test_a_fit_that_knocks_at_the_wrong_instants_is_led_out() -> None:
     """Too much damping smears knocks that come at the wrong time, and no step leads from there to less."""

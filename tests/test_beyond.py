@@ -1,0 +1,107 @@
+"""What is in no catalogue and explains more than an effect that resembles it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, UNKNOWN, J, dataset, runs
+from numpy.typing import NDArray
+
+from gms_mujoco import effects
+from gms_mujoco.beyond import _along_revolution, beyond
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.effect import Effect
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.inverse import Observation
+from gms_mujoco.judgement import Trial
+from gms_mujoco.linear_model import cross_validated
+from gms_mujoco.observe import observe
+from gms_mujoco.record import Record
+
+ECCENTRIC = effects.EncoderEccentricity(amplitude=0.1, phase=0.7)
+SATURATED = effects.TorqueSaturation(limit=6 * LEVEL)
+
+
+def _uneven(r: Record, share: float = 0.2, harmonic: int = 1) -> Record:
+    """The record of an axis whose inertia varies, which goes the same way under another torque."""
+    o = Observation(r, 100.0)
+    q, v = o.position, o.velocity
+    wave, slope = np.cos(harmonic * q + 0.4), -harmonic * np.sin(harmonic * q + 0.4)
+    return _driven(r, r.torque + share * J * (wave * np.gradient(v, r.time) + slope * v**2 / 2))
+
+
+def _weak(r: Record) -> Record:
+    """The record of a drive that gives u / (1 + u / 50 L) where u is asked for, a fifth less at 12 levels L."""
+    return _driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
+
+
+def _driven(r: Record, torque: NDArray[np.float64]) -> Record:
+    return replace(r, signals={**r.signals, "torque": torque})
+
+
+def _trial(effect: Effect, records: list[Record]) -> tuple[FitResult, Trial]:
+    """The fit of a plant that has everything but the effect, and the one with it."""
+    now = fit_observations(UNKNOWN, observe(records, J))
+    result = fit_observations(UNKNOWN + effect, now.misfit.observations)
+    return now, Trial(effect.name, result, cross_validated(result.misfit, result.vector))
+
+
+def _said(effect: Effect, records: list[Record]) -> str:
+    now, trial = _trial(effect, records)
+    hint = beyond(now, cross_validated(now.misfit, now.vector), trial)
+    return hint.said if hint else ""
+
+
+def test_the_work_of_an_inertia_that_varies_is_the_change_of_its_kinetic_energy() -> None:
+    """Of any motion, for each of its harmonics: no friction is hidden in it."""
+    t = np.arange(0, 4, 1e-3)
+    q = 2 * np.sin(1.3 * t) + 0.7 * np.sin(4.1 * t + 1) + 0.5 * t**2
+    v = 2.6 * np.cos(1.3 * t) + 2.87 * np.cos(4.1 * t + 1) + t
+    a = -3.38 * np.sin(1.3 * t) - 11.767 * np.sin(4.1 * t + 1) + 1
+    o = Observation(Record("any", t, {"position": q, "torque": np.sin(t)}), 100.0)
+    torques = _along_revolution(o)
+    power = (torques.inertia * a[:, None] + torques.torque) * v[:, None]
+    work = np.cumsum((power[1:] + power[:-1]) / 2, 0) * 1e-3
+    energy = torques.inertia * v[:, None] ** 2 / 2
+    assert np.abs(energy[1:] - energy[0] - work)[:-50].max() < 1e-3 * np.abs(energy).max()
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+def test_an_inertia_that_varies_is_no_eccentric_encoder(harmonic: int) -> None:
+    said = _said(ECCENTRIC, [_uneven(r, harmonic=harmonic) for r in runs(HEALTHY)])
+    assert said.startswith("an inertia that varies along the revolution, by 20 % to either side")
+    assert f"most of it {harmonic} to a revolution" in said
+
+
+def test_a_torque_constant_that_falls_is_no_saturation() -> None:
+    said = _said(SATURATED, [_weak(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque constant that falls with the torque")
+
+
+@pytest.mark.parametrize("effect", [ECCENTRIC, SATURATED], ids=lambda e: e.name)
+def test_the_effect_itself_is_not_beaten(effect: Effect) -> None:
+    assert not _said(effect, runs(HEALTHY + effect))
+
+
+def test_a_torque_constant_that_comes_to_nothing_explains_nothing() -> None:
+    """A torque that does not move the axis would all be explained by a drive that delivers none of it."""
+    rng = np.random.default_rng(0)
+
+    def idle(r: Record) -> Record:
+        return _driven(r, 3 * LEVEL * np.sin(2 * np.pi * rng.uniform(3, 8) * r.time))
+
+    assert not _said(SATURATED, [idle(r) for r in runs(HEALTHY)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "said"), [(_uneven, "an inertia that varies"), (_weak, "a torque constant that")])
+def test_a_diagnosis_names_no_effect_for_what_is_in_no_catalogue(
+    change: Callable[[Record], Record], said: str
+) -> None:
+    sets = dataset(HEALTHY)
+    d = diagnose(Dataset(sets.path, tuple(map(change, sets.records)), sets.kind, sets.inertia), UNKNOWN)
+    assert not d.found and d.verdict == "unexplained"
+    assert said in d.remainder
