@@ -29,6 +29,7 @@ _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 _STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
 _PART = 0.25  # of a wave, that a record passes through at least
+LOADED = "load_dependent_friction"
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
@@ -182,7 +183,7 @@ def shapes(
             continue
         if plant is not None and plant.kind == "slide" and p.unit == WAVES:
             return  # as many as there are lengths: see `place_spectrum`
-        values: Sequence[float] | Array = _grid(effect, p, scales, observations)
+        values: Sequence[float] | Array = _grid(effect, p, scales, observations, plant)
         if plant is not None and effect.name in plant:
             values = [v for v in values if v not in np.atleast_1d(plant[effect.name].values[p.name])]
         grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
@@ -213,17 +214,17 @@ def widths(
 
 
 def _grid(
-    effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen]
+    effect: type[Effect], p: Parameter, scales: Scales, observations: Sequence[Seen], plant: Plant | None
 ) -> Sequence[float] | Array:
     """What a parameter may typically be, by its unit and what the records span."""
     span = float(np.median([np.ptp(o.position) for o in observations]))
     if p.unit == WAVES:
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
-        # told from a spring or an offset; friction that no record passes through once, from that of a load that varies,
-        # where one was logged.
-        longest = max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
-        turn = longest if effect.modulates else _visited(observations) / _ROUND
-        least = _PART if effect.modulates and not any(map(_has_load, observations)) else 1
+        # told from a spring or an offset; friction that no record passes through once, from what a load leaves of its.
+        if effect.modulates:
+            turn, least = _longest(observations), 1 if plant is not None and LOADED in plant else _PART
+        else:
+            turn, least = _visited(observations) / _ROUND, 1
         return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= least]
     if p.unit == "Hz":
         highest = max(o.bandwidth for o in observations)
@@ -255,8 +256,16 @@ def _visited(observations: Sequence[Seen]) -> float:
     return len(np.unique(np.concatenate(been))) / bins
 
 
-def _has_load(o: Seen) -> bool:
-    return isinstance(o, Observation) and o.record.get("load") is not None
+def _longest(observations: Sequence[Seen]) -> float:
+    """Revolutions that the longest way of a record from end to end is."""
+    return max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
+
+
+def is_part_of_wave(effect: Effect, observations: Sequence[Seen]) -> bool:
+    """Whether an effect makes friction vary in waves over the place that no record passes through once."""
+    if not (effect.modulates and grows(type(effect))):
+        return False
+    return float(np.min(effect.values["harmonics"])) * _longest(observations) < 1
 
 
 def _count(o: Seen) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .beyond import Hint, beyond
-from .candidates import applicable, grows, is_open, joined
+from .candidates import LOADED, applicable, grows, is_open, is_part_of_wave, joined
 from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import fit_as_logged
@@ -403,7 +403,7 @@ class Search:
     def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
         now = self.steps[-1]
-        earned = [t for t in trials if t.name in passed and self._earns(t)]
+        earned = self._beside_load([t for t in trials if t.name in passed and self._earns(t)])
         if not earned:
             return False
         if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
@@ -420,6 +420,19 @@ class Search:
         if (self.shape() and self._needless(name)) or self.relogged():
             self.first(silent)
         return True
+
+    def _beside_load(self, earned: Sequence[Trial]) -> list[Trial]:
+        """The trials without friction that varies along a part of a wave, where a load that was logged leaves hardly
+        more: that varies over the place too, and says by itself how."""
+        loaded = next((t for t in earned if t.name == LOADED), None)
+        if loaded is None:
+            return list(earned)
+
+        def stands_for_load(t: Trial) -> bool:
+            close = loaded.held_out.total < CLOSE * t.held_out.total
+            return close and is_part_of_wave(t.result.plant[t.name], self.seen)
+
+        return [t for t in earned if not stands_for_load(t)]
 
     def _earns(self, trial: Trial) -> bool:
         """Whether a joint fit with one effect more is better than the current plant by all but its p value."""
