@@ -13,9 +13,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from .candidates import ORDERS, absent, is_possible, is_present
+from .candidates import ORDERS, absent, is_possible, is_present, strengths
 from .effect import Effect
-from .fit_result import FitResult
+from .fit_result import FitResult, with_covariance
 from .held_out import HeldOut, block_of_row, p_value
 from .inverse import Observation
 from .linear_model import LinearModel, determined
@@ -107,6 +107,15 @@ def _left_of_ring(name: str, before: FitResult, after: FitResult) -> float:
     ring = misfit.jacobian(after.vector, states)[:, states] * model.determined[:, None]
     basis = scipy.linalg.orth(model.without(ring / np.sqrt((ring**2).sum(0)).clip(1e-300)))
     return squared(model.target - basis @ (basis.T @ model.target)) / before.misfit.delivered(before.vector)
+
+
+def is_told(name: str, result: FitResult) -> bool:
+    """Whether the data tell a strength of an effect from none; of an effect without one they do."""
+    effect = result.plant[name]
+    labels = {f"{name}.{p.name}" for p in strengths(type(effect))}
+    ends = with_covariance(result).plant.uncertainty.items()
+    within = [interval for label, interval in ends if label.split("[")[0] in labels]
+    return not within or any(low > 0 or high < 0 for low, high in within)
 
 
 def finalists(

@@ -249,10 +249,11 @@ class Robot:
         found = [self._with(r, bandwidth) for r in records]
         along = np.concatenate([r.signals["inertia_change"] for r in found]) + self.inertia
         unit = "kg m^2" if self.kinds[self.joint] == "hinge" else "kg"
+        ends = dict.fromkeys(f"{x:.4g}" for x in (along.min(), along.max()))
+        bare = " without its payload" if self.setup.payload else ""
         note = (
-            f"{self.path.name} gives {self.joint} an inertia of {along.min():.4g} to {along.max():.4g} {unit} along "
-            f"these records; the inertia of a plant stands for the pose where it is largest, "
-            f"{self.inertia:.4g} {unit} in the model"
+            f"{self.path.name} gives {self.joint} an inertia of {' to '.join(ends)} {unit} along these records; "
+            f"that of a plant is the largest which the model has{bare}, {self.inertia:.4g} {unit}"
         )
         return found, [note, *self._at_stops(records)]
 

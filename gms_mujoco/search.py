@@ -19,7 +19,7 @@ from .compare import Comparison, compare_observations
 from .effect import Effect
 from .fit import fit_as_logged
 from .fit_result import FitResult
-from .frf_observation import Seen
+from .frf_observation import FrfObservation, Seen
 from .friction_shape import (
     SHAPE,
     by_the_letter,
@@ -49,6 +49,7 @@ from .judgement import (
     discoveries,
     finalists,
     floor_of,
+    is_told,
     is_worth_it,
     least_share,
     left_of,
@@ -439,7 +440,10 @@ class Search:
         now = self.steps[-1].result
         share = least_share(now.plant, trial.result.plant[trial.name])
         worth = self.is_worth_it(trial.result, trial.held_out, share)
-        return worth and carries(trial.name, now, trial.result) and self.selects(trial.result)
+        if not (worth and carries(trial.name, now, trial.result) and self.selects(trial.result)):
+            return False
+        # A response knows no place: of what varies with it only some combination of strength and phase is seen.
+        return not all(isinstance(o, FrfObservation) for o in self.seen) or is_told(trial.name, trial.result)
 
     def _accept_two(
         self,

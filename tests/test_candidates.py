@@ -8,7 +8,18 @@ import pytest
 from bench import HEALTHY, HIDDEN, LEVEL, UNKNOWN, J, runs
 
 from gms_mujoco import effects
-from gms_mujoco.candidates import applicable, is_possible, is_present, joined, lean, shapes, width_of, widths
+from gms_mujoco.candidates import (
+    applicable,
+    is_part_of_wave,
+    is_possible,
+    is_present,
+    joined,
+    lean,
+    shapes,
+    width_of,
+    widths,
+)
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit, observe
 from gms_mujoco.inverse import Observation
 from gms_mujoco.plant import Plant
@@ -49,14 +60,27 @@ def _over(travel: float, **more: np.ndarray) -> list[Observation]:
     return [Observation(replace(record, signals={**record.signals, "position": q, **more}), 60.0)]
 
 
-def test_friction_over_a_part_of_a_wave_is_tried_where_no_load_tells_it_from_one_that_varies() -> None:
+def test_friction_over_a_part_of_a_wave_is_tried_beside_none_that_varies_with_the_load() -> None:
     """Of friction that varies twice to a revolution, seen over 1.8 rad, harmonics 4, 5 and 6 were named."""
-    kind, load = effects.PositionDependentFriction, np.ones(len(OBSERVED[-1].record))
-    bare, loaded = _over(1.8), _over(1.8, load=load)
-    tried, few = ([s["harmonics"] for s in shapes(kind, Scales.of(seen), seen)] for seen in (bare, loaded))
+    kind, seen = effects.PositionDependentFriction, _over(1.8)
+    loaded = HEALTHY + effects.LoadDependentFriction(coefficient=0.1)
+    tried, few = ([s["harmonics"] for s in shapes(kind, Scales.of(seen), seen, p)] for p in (HEALTHY, loaded))
     assert tried[0] == 1 and few[0] == 4
     narrow = _over(0.2)
     assert next(shapes(kind, Scales.of(narrow), narrow))["harmonics"] == 8
+
+
+@pytest.mark.parametrize(
+    ("effect", "part"),
+    [
+        (effects.PositionDependentFriction(harmonics=[3, 9], amplitude=[0.1, 0.1], phase=[0, 0]), True),
+        (effects.PositionDependentFriction(harmonics=[4, 9], amplitude=[0.1, 0.1], phase=[0, 0]), False),
+        (effects.Cogging(harmonics=[1], amplitude=[0.1], phase=[0]), False),
+        (effects.LoadDependentFriction(coefficient=0.1), False),
+    ],
+)
+def test_friction_of_a_part_of_a_wave_is_known_by_its_longest(effect: Effect, part: bool) -> None:
+    assert is_part_of_wave(effect, _over(1.8)) == part
 
 
 def test_a_sine_of_the_revolution_is_no_candidate_over_a_few_degrees() -> None:

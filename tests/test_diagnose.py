@@ -18,7 +18,7 @@ from gms_mujoco.bench import run_loop
 from gms_mujoco.compare import Comparison
 from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
-from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _loudest, _to_isolate, diagnose
+from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _comes_back, _loudest, _to_isolate, diagnose
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
@@ -136,6 +136,18 @@ def test_what_leaves_as_much_of_new_records_did_not_come_close() -> None:
     assert "spring came closest" in _to_isolate(tried, "slow.csv", 0.05)
     assert "delay came closest" in _to_isolate(tried, "slow.csv")
     assert "Measure slow.csv" in _to_isolate(tried[:1], "slow.csv", 0.05)
+
+
+@pytest.mark.parametrize(("fitted", "new", "back"), [(0.2, 0.22, True), (0.2, 0.35, False), (0.01, 0.011, False)])
+def test_what_new_records_have_too_is_not_measured_again_in_the_same_way(
+    fitted: float, new: float, back: bool
+) -> None:
+    step: Any = SimpleNamespace(
+        result=SimpleNamespace(error=fitted, floor=0.008), comparison=SimpleNamespace(error=new, noise_floor=0.007)
+    )
+    assert _comes_back(step) == back
+    said = _to_isolate([], "slow.csv", new, back)
+    assert ("one thing changed at a time" in said) == back and "slow.csv" in said
 
 
 def test_the_loudest_of_what_was_not_fitted_may_be_a_frequency_response() -> None:

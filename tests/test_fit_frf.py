@@ -18,6 +18,7 @@ from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF, to_csv
 from gms_mujoco.frf_observation import FrfObservation
+from gms_mujoco.judgement import is_told
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
@@ -168,3 +169,14 @@ def test_the_coupling_of_a_measured_flexible_link_is_named(data: Path, tmp_path:
     assert "flexible_coupling" in [e.name for e in found]
     assert low < 2 * np.pi * found.plant["flexible_coupling"].frequency < high
     assert found.plant["spring"].stiffness == pytest.approx(1.65, rel=0.02)
+
+
+def test_a_response_tells_no_strength_of_what_varies_with_a_place_that_it_does_not_know(
+    healthy: list[FRF], fitted: gms.FitResult
+) -> None:
+    """Strength and phase of a cogging make one stiffness of the place where the axis swings."""
+    cogging = effects.Cogging(harmonics=[6], amplitude=[0.1 * LEVEL], phase=[0.4])
+    seen = [f for f in healthy if f.use == "fit"]
+    assert not is_told("cogging", fit(AXIS + cogging, seen))
+    assert not is_told("delay", fit(AXIS + effects.Delay(time=1e-4), seen))  # there is none
+    assert is_told("viscous", fitted)

@@ -1,12 +1,15 @@
 """The search for what is missing: what it lets go before it names an effect."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 
 from gms_mujoco import effects
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.friction_shape import straightened
@@ -144,3 +147,21 @@ def test_a_curve_that_waits_for_nothing_comes_at_last(monkeypatch: pytest.Monkey
     assert search.add_one(silent) and len(search.steps) == 1 and not search.waits
     assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
     assert search.at_floor
+
+
+@pytest.mark.parametrize(("travel", "loaded", "kept"), [(3.0, 1.3, False), (3.0, 5.0, True), (9.0, 1.3, True)])
+def test_friction_over_a_part_of_a_wave_gives_way_to_what_a_load_does(
+    travel: float, loaded: float, kept: bool
+) -> None:
+    """As on a robot, whose links load a joint by where they stand."""
+    search = Search([SimpleNamespace(position=np.linspace(0, travel, 9))], [], UNKNOWN)  # type: ignore[list-item]
+    uneven = effects.PositionDependentFriction(harmonics=[1], amplitude=[0.2], phase=[0.3])
+    heavy = effects.LoadDependentFriction(coefficient=0.1)
+
+    def trial(effect: Effect, total: float) -> Any:
+        result = SimpleNamespace(plant=HEALTHY + effect)
+        return SimpleNamespace(name=effect.name, result=result, held_out=SimpleNamespace(total=total))
+
+    both = [trial(uneven, 1.0), trial(heavy, loaded)]
+    assert search._beside_load(both[:1]) == both[:1]
+    assert search._beside_load(both) == (both if kept else both[1:])
