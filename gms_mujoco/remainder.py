@@ -76,7 +76,8 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
     readings = [
         _periodic(o, r),
         _in_waves(position, residual, factors, plant.kind, alone),
-        _tied(position, residual, factors, plant.kind),
+        tied := _tied(position, residual, factors, plant.kind),
+        _to_neighbour(runs, residual, tied[0]),
         (share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})"),
         jump := _jump(runs, total),
         _wandering(runs, total, jump[0]),
@@ -187,6 +188,20 @@ def _tied(position: Array, residual: Array, factors: Mapping[str, Array], kind: 
     unit = "rad" if kind == "hinge" else "m"
     part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {unit}" if there else ""
     return share, f"tied to the {what}{factor} ({_percent(share)}{part})"
+
+
+def _to_neighbour(runs: Sequence[tuple[Observation, Array]], residual: Array, own: float) -> Reading:
+    """That it has a value at each position of another joint of a robot, by clearly more than the share that it has at
+    those of its own."""
+    names = set.intersection(*({*o.record.others} for o, _ in runs)) if runs else set()
+    shares = {}
+    for name in sorted(names):
+        there = np.concatenate([o.record.others[name][o.index] for o, _ in runs])
+        shares[name] = _explained(there, residual, np.ones_like(residual))[1]
+    most = max(shares, key=shares.__getitem__, default="")
+    if not most or shares[most] < own + _CLEARLY:
+        return 0.0, ""
+    return shares[most], f"tied to the position of {most} ({_percent(shares[most])})"
 
 
 def _jump(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:

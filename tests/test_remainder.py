@@ -55,6 +55,14 @@ def test_a_line_in_time_is_said_with_its_frequency(records: list[Record], freque
     assert "instant" not in said and "revolution" not in said
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_what_follows_another_joint_of_a_robot_is_said_with_its_name(records: list[Record], follows: bool) -> None:
+    moved = 0.8 * np.sin(2 * np.pi * 0.7 * T) + 0.5 * np.sin(2 * np.pi * 1.9 * T + 1)
+    pulled = _with(records, 0.2 * LEVEL * (moved if follows else np.sin(2 * np.pi * 12 * T)))
+    said = _of(HEALTHY, [replace(r, others={"shoulder": moved, "wrist": np.cos(5 * T)}) for r in pulled])
+    assert ("tied to the position of shoulder" in said) == follows and "wrist" not in said
+
+
 def test_one_instant_is_said_with_its_time_and_record(records: list[Record]) -> None:
     hit = np.where(np.abs(T - 1.7) < 0.003, 2 * LEVEL, 0.0)
     said = _of(HEALTHY, _with(records, hit, which=(1,)))

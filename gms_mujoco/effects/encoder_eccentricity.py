@@ -22,7 +22,7 @@ class EncoderEccentricity(Effect):
     )
     signature = (
         "The torque error is a sine once per revolution whose height grows with the square of velocity; an inertia "
-        "that changes over the revolution, as of a crank or a linkage, gives the same."
+        "that changes over the revolution, as of a crank or a linkage, gives half as much."
     )
     experiment = "Constant-velocity runs over many revolutions at several speeds, the highest included."
     parameters = (
