@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .fit_result import FitResult
+from .fit_result import FitResult, result_of
 from .judgement import AT_FLOOR, CLOSE, MUCH_LESS, Trial, floor_of, leaves_much_less, left_of, simplest, without
 from .least_squares import nudge
 from .linear_model import cross_validated
+from .moments import has_moments, refit_between
 from .paths import best
 from .plant import Plant
 from .plausible import hint
@@ -49,7 +50,7 @@ def is_doubtful(search: Search, other: Search) -> bool:
             continue
         if not search.at_floor or _is_as_good(fit_to_end(misfit, x), search):
             return True
-    if search.at_floor:
+    if search.at_floor or _is_told_between_moments(search):
         return False
     much_less = floor + MUCH_LESS * max(least - floor, 0.0)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
@@ -58,6 +59,15 @@ def is_doubtful(search: Search, other: Search) -> bool:
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
     return other.within_reach() < much_less
+
+
+def _is_told_between_moments(search: Search) -> bool:
+    """Whether a few moments hold what a search has left, and no more than noise is between: no inertia does that."""
+    last = search.steps[-1]
+    if not has_moments(last.result, last.held_out):
+        return False
+    calm = result_of(*refit_between(last.result.misfit, last.result.vector))
+    return calm.error <= AT_FLOOR * calm.floor
 
 
 def _is_as_good(found: FitResult, search: Search) -> bool:
