@@ -72,16 +72,16 @@ class _Cause(NamedTuple):
     Attributes:
         kinds: of joints that it may be at work on.
         torques: along observations.
-        missing: share of the inertia or of the torque constant that strengths (k,) take away where they take most.
-        say: what strengths are, and how large.
+        missing: share of a plant's inertia or torque constant that strengths (k,) take away where they take most.
+        say: what they are, and how large.
         experiment: that shows it.
         drives: whether it is what the drive delivers less; see `Misfit.delivered`.
     """
 
     kinds: tuple[str, ...]
     torques: Callable[[Sequence[Observation]], list[_Torques]]
-    missing: Callable[[Sequence[Observation], Plant, Array], float]
-    say: Callable[[Sequence[Observation], Plant, Array], str]
+    missing: Callable[[Plant, Array], float]
+    say: Callable[[Plant, Array], str]
     experiment: str
     drives: bool = False
 
@@ -104,7 +104,7 @@ def _turned(strength: Array) -> Array:
     return np.concatenate([np.cos(angles), np.sin(angles)], 1) @ strength
 
 
-def _say_inertia(seen: Sequence[Observation], plant: Plant, strength: Array) -> str:
+def _say_inertia(plant: Plant, strength: Array) -> str:
     size = np.hypot(*np.reshape(strength, (2, -1)))
     swing = np.ptp(_turned(strength)) / 2 / plant.driven_inertia
     return (f"an inertia that varies along the revolution, by {100 * swing:.2g} % to either side, most of it "
@@ -113,7 +113,7 @@ def _say_inertia(seen: Sequence[Observation], plant: Plant, strength: Array) -> 
 
 def _of_torque(seen: Sequence[Observation]) -> list[_Torques]:
     """What a drive gives less, whose torque constant changes with the torque that is asked for."""
-    most = _largest(seen)
+    most = max(float(np.abs(o.record.torque).max()) for o in seen)
 
     def one(o: Observation) -> _Torques:
         u = o.record.torque
@@ -123,17 +123,13 @@ def _of_torque(seen: Sequence[Observation]) -> list[_Torques]:
     return list(map(one, seen))
 
 
-def _largest(seen: Sequence[Observation]) -> float:
-    return max(float(np.abs(o.record.torque).max()) for o in seen)
-
-
-def _fallen(seen: Sequence[Observation], plant: Plant, strength: Array) -> float:
+def _fallen(strength: Array) -> float:
     """Share of the torque constant that is gone at the largest torque."""
     return float(strength @ _KNOTS)
 
 
-def _say_constant(seen: Sequence[Observation], plant: Plant, strength: Array) -> str:
-    fallen = _fallen(seen, plant, strength)
+def _say_constant(plant: Plant, strength: Array) -> str:
+    fallen = _fallen(strength)
     return (f"a torque constant that {'falls' if fallen > 0 else 'grows'} with the torque, by {100 * abs(fallen):.2g} "
             "% up to the largest")  # fmt: skip
 
@@ -147,12 +143,12 @@ def _delivered(seen: Sequence[Observation], torques: Sequence[_Torques], strengt
 
 _CAUSES = (
     _Cause(
-        ("hinge",), _of_revolution, lambda seen, plant, s: float(-_turned(s).min() / plant.driven_inertia),
-        _say_inertia, "The same short push, from rest, at several places of the revolution: where an inertia is larger "
-        "the axis comes to a lower speed.",
+        ("hinge",), _of_revolution, lambda plant, s: float(-_turned(s).min() / plant.driven_inertia), _say_inertia,
+        "The same short push, from rest, at several places of the revolution: where an inertia is larger the axis "
+        "comes to a lower speed.",
     ),
     _Cause(
-        ("hinge", "slide"), _of_torque, lambda seen, plant, s: abs(_fallen(seen, plant, s)), _say_constant,
+        ("hinge", "slide"), _of_torque, lambda plant, s: abs(_fallen(s)), _say_constant,
         "Known loads, as weights on a lever, held at rest over the whole range of the torque.",
         drives=True,
     ),
@@ -177,7 +173,7 @@ def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
             columns = bands * model.determined[:, None]
             free = model.without(columns)
             strength = strength + np.linalg.lstsq(gram(free, free), gram(free, model.target))[0]
-            if not _LEAST < cause.missing(seen, result.plant, strength) < _MOST:
+            if not _LEAST < cause.missing(result.plant, strength) < _MOST:
                 break
             delivered = misfit.delivered(x) * (_delivered(seen, torques, strength) if cause.drives else 1.0)
             left = HeldOut(model.held_out(columns) / math.sqrt(delivered), seen)
@@ -188,7 +184,7 @@ def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
             much_less = left.total - floor < MUCH_LESS * (best.held_out.total - floor)
             if much_less and p_value(best.held_out, left) <= FALSE_DISCOVERY_RATE:
                 share = 100 * (1 - left.total / before.total)
-                said = f"{cause.say(seen, result.plant, strength)}, explains more than any effect ({share:.0f} %)"
+                said = f"{cause.say(result.plant, strength)}, explains more than any effect ({share:.0f} %)"
                 return Hint(said, cause.experiment, left.total)
             beside = [t.beside(o, strength) for t, o in zip(torques, seen, strict=True)]
             result = refine(*now.misfit.onto(result.plant, x, beside))

@@ -215,7 +215,7 @@ class Search:
         return max(found, key=lambda c: screen.explained(c, columns)).effect if found else None
 
     def add_one(self, report: Progress) -> bool:
-        """Adds the effect that earns it most; False where none does."""
+        """Adds the effect that earns it most; False where none does, or what is in no catalogue leaves much less."""
         current, fits = self.steps[-1].result, self.fits
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
@@ -231,29 +231,28 @@ class Search:
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         rough += self._beside_straight(fits.worth_trying(current, rough))
         trials = self._trials(rough, p_values, report)
-        self.hint = self._beyond(trials)
-        beyond_all = self.hint is not None
-        if not beyond_all and self._reads_a_ring(trials):
-            swinging = [name for name, plant in plants.items() if swings(plant[name])]
-            p_values |= dict.fromkeys(swinging, 1.0)
-            promising = [c for c in promising if c.effect.name not in swinging]
-        new = [c for c in promising if c.effect.name not in current.plant]
-        problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
-        added = not beyond_all and (
-            self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
-        )
-        for more in (self._beside_following, lambda: self._afresh(new, report)):
-            if not (added or beyond_all) and (begun := more()):
-                trials += self._trials(begun, p_values, report)
-                added = self._accept(trials, p_values)
+        self.hint = unlisted = self._beyond(trials)
+        added = False
+        if unlisted is None:
+            if self._reads_a_ring(trials):
+                swinging = [name for name, plant in plants.items() if swings(plant[name])]
+                p_values |= dict.fromkeys(swinging, 1.0)
+                promising = [c for c in promising if c.effect.name not in swinging]
+            new = [c for c in promising if c.effect.name not in current.plant]
+            problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
+            added = self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
+            for more in (self._beside_following, lambda: self._afresh(new, report)):
+                if not added and (begun := more()):
+                    trials += self._trials(begun, p_values, report)
+                    added = self._accept(trials, p_values)
         fitted = {name: r.plant for name, r, _ in trials}
         plants |= fitted
         self.rejected = [
             Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
         ]
-        if beyond_all:
-            return False
-        return added or self._drag_for_curve() or (self.waits and self.shape(at_last=True))
+        if added or unlisted is not None:
+            return added
+        return self._drag_for_curve() or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
