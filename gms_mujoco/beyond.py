@@ -92,16 +92,21 @@ def _of_revolution(seen: Sequence[Observation]) -> list[_Torques]:
 
 def _along_revolution(o: Observation) -> _Torques:
     """d/dt of dL/dv less dL/dq for a kinetic energy J(q) v^2 / 2: J a + J' v^2 / 2."""
-    angles = np.multiply.outer(o.position, _HARMONICS)
-    inertia = np.concatenate([np.cos(angles), np.sin(angles)], 1)
-    slope = np.concatenate([-_HARMONICS * np.sin(angles), _HARMONICS * np.cos(angles)], 1)
+    inertia = _waves(o.position)
+    cosines, sines = np.split(inertia, 2, 1)
+    slope = np.concatenate([-_HARMONICS * sines, _HARMONICS * cosines], 1)
     return _Torques(inertia, slope * o.velocity[:, None] ** 2 / 2)
 
 
+def _waves(position: Array) -> Array:
+    """(n, k) cosine and then sine of each harmonic over positions (n,)."""
+    angles = np.multiply.outer(position, _HARMONICS)
+    return np.concatenate([np.cos(angles), np.sin(angles)], 1)
+
+
 def _turned(strength: Array) -> Array:
-    """(revolution / 720,) inertia over a revolution that strengths of its harmonics add."""
-    angles = np.multiply.outer(np.linspace(0, 2 * np.pi, 720, endpoint=False), _HARMONICS)
-    return np.concatenate([np.cos(angles), np.sin(angles)], 1) @ strength
+    """(720,) inertia over a revolution that strengths of its harmonics add [kg m^2]."""
+    return _waves(np.linspace(0, 2 * np.pi, 720, endpoint=False)) @ strength
 
 
 def _say_inertia(plant: Plant, strength: Array) -> str:
@@ -167,7 +172,10 @@ def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
         torques = cause.torques(seen)
         bands = np.concatenate([t.band(o) for t, o in zip(torques, seen, strict=True)])
         strength, result, total = np.zeros(bands.shape[1]), now, math.inf
-        for _ in range(_ROUNDS):
+        for k in range(_ROUNDS):
+            if k:
+                beside = [t.beside(o, strength) for t, o in zip(torques, seen, strict=True)]
+                result = refine(*now.misfit.onto(result.plant, result.vector, beside))
             misfit, x = result.misfit, result.vector
             model = LinearModel(misfit, x, misfit.residual(x))
             columns = bands * model.determined[:, None]
@@ -186,6 +194,4 @@ def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
                 share = 100 * (1 - left.total / before.total)
                 said = f"{cause.say(result.plant, strength)}, explains more than any effect ({share:.0f} %)"
                 return Hint(said, cause.experiment, left.total)
-            beside = [t.beside(o, strength) for t, o in zip(torques, seen, strict=True)]
-            result = refine(*now.misfit.onto(result.plant, x, beside))
     return None

@@ -258,7 +258,7 @@ def diagnose(
         if not (setup_said and other_law):
             break
         # A payload that was found beside another friction has made up for what that lacks.
-        start = with_law(start, search.start[law_of(search.start)])
+        start = _with_law_of(search, start)
     if inertia_said:
         start = free(start)
     report(0.9, "scoring the validate records")
@@ -304,7 +304,7 @@ def _searched(
     search = Search(seen, select, start, without)
     law_said, late = searched(search, free_law, part(report, 0.02, 0.85))
     inertia_said = ""
-    as_found = with_law(start, search.start[law_of(search.start)]) if law_said else start
+    as_found = _with_law_of(search, start) if law_said else start
     other = Search(seen, select, free(as_found), without)
     if is_doubtful(search, other):
         other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9))
@@ -320,6 +320,11 @@ def _searched(
             if search.at_floor:
                 break
     return search, law_said, inertia_said, late
+
+
+def _with_law_of(search: Search, plant: Plant) -> Plant:
+    """A plant with the law of friction that a search has ended with."""
+    return with_law(plant, search.start[law_of(search.start)])
 
 
 def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
