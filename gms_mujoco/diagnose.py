@@ -18,7 +18,7 @@ from .effect import Effect
 from .errors import DataError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
-from .frf_observation import Seen
+from .frf_observation import Seen, tells_another_noise
 from .friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .friction_shape import with_exponents
 from .given_inertia import corrected, free, is_doubtful
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 _SAYS_NOTHING = 0.1  # p value of an effect above which it is no closer to what remains than chance
 _ALIKE = 1.5  # times an error, that another one is at most where both say the same
-_SETUPS = 2  # of a robot: beside the law of friction that is usual, and beside the one that was found
+_TURNS = 2  # beside what is usual, and beside what was found: the setup of a robot, the noise of bare responses
 _CLOSER = 0.98  # times the error of new records without an effect, that one which comes close leaves at most
 _CLOSE = 1.2  # times the noise floor, which no part of the data makes more of
 _WORSE = 1.1  # times what is left of new records without an effect: one with which more is left is contradicted
@@ -247,18 +247,21 @@ def diagnose(
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.fit)
     report(0.0, "looking at the records")
-    as_given, law_said = runs, ""
-    for _ in range(_SETUPS):
+    as_given, law_said, near = runs, "", None
+    for turn in range(_TURNS):
         runs, setup_said = corrected_setup(as_given, start)
-        seen = observe(runs.fit, start.inertia)
+        seen = observe(runs.fit, start.inertia, plant=near)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
-        select = observe(runs.select, start.inertia, bandwidth) if runs.select else []
+        select = observe(runs.select, start.inertia, bandwidth, near) if runs.select else []
         search, other_law, inertia_said, late = _searched(seen, select, start, plant is None, without, report)
         law_said = other_law or law_said
-        if not (setup_said and other_law):
+        if setup_said and other_law:
+            # A payload that was found beside another friction has made up for what that lacks.
+            start = _with_law_of(search, start)
+        elif turn + 1 < _TURNS and tells_another_noise(search.steps[-1].result.plant, seen):
+            near = search.steps[-1].result.plant
+        else:
             break
-        # A payload that was found beside another friction has made up for what that lacks.
-        start = _with_law_of(search, start)
     if inertia_said:
         start = free(start)
     report(0.9, "scoring the validate records")

@@ -14,13 +14,13 @@ from .candidates import is_open, joined
 from .effect import Effect
 from .errors import ModelError
 from .fit_result import FitResult, result_of
-from .frf_observation import FrfObservation, Seen, without_outliers
+from .frf_observation import FrfObservation, Seen, tells_another_noise, without_outliers
 from .habits import as_logged, may_be_otherwise
 from .least_squares import nudge
 from .misfit import Misfit
 from .observe import Data, driven, observe
 from .plant import Plant
-from .progress import Progress, silent
+from .progress import Progress, part, silent
 from .refine import finish, refined, to_end
 from .rough import begun, best_start
 from .screen import Screen
@@ -72,7 +72,9 @@ def fit(
     where it ends above the noise floor it goes on with the weakening of friction that each of them began with, until
     one comes down to the floor. One that does not takes no place: beside an effect that the plant lacks, the lowest is
     the friction that has bent furthest to hide it. Responses alone are fitted twice more, each from the end so far:
-    with elements that follow their level as at the start, then with a level that falls as at the start too.
+    with elements that follow their level as at the start, then with a level that falls as at the start too. Those that
+    come without a deviation are weighed by how rough a curve the points make beside the plant, and fitted again where
+    that is another weight than the one they began with.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
     variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.
@@ -92,11 +94,17 @@ def fit(
     report = progress or silent
     driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
-    observations = observe(data, plant.inertia, bandwidth)
-    misfit, x = _by_its_habits(plant, observations, fixed, report)
-    found = _weakened_otherwise(finish(misfit, x), plant, fixed, report)
+    found = _fitted(plant, observe(data, plant.inertia, bandwidth), fixed, part(report, 0.0, 0.9))
+    if tells_another_noise(found.plant, found.misfit.observations):
+        weighed = observe(data, plant.inertia, bandwidth, found.plant)
+        found = _fitted(plant, weighed, fixed, part(report, 0.9, 1.0))
     report(1.0, found.status)
     return found
+
+
+def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress) -> FitResult:
+    misfit, x = _by_its_habits(plant, observations, fixed, report)
+    return _weakened_otherwise(finish(misfit, x), plant, fixed, report)
 
 
 def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], report: Progress) -> FitResult:

@@ -25,6 +25,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .frf import FRF, join_sines, usable
+from .frf_noise import beside, roughness
 from .harmonics import ORDERS, balance
 from .inverse import Observation
 from .plant import Plant
@@ -39,9 +40,9 @@ _MODEL_ERROR = 3e-3  # of a torque: what a sampled period costs, and a drive and
 _DOUBT = 1.03  # of the inertia: where this changes what the harmonics do, one of them meets the resonance
 _BLOCK = 3  # neighbouring points that are left out together
 _UNKNOWN = 0.01  # relative deviation of a response of which nothing is known
-_QUANTILE = 0.3
 _ALONE = 5.0  # times its deviation, and times what its neighbours are off: a point that stands alone
 _BESIDE = 2  # neighbours on each side
+_ANOTHER = 1.5  # times a deviation: one by which the points are weighed otherwise
 _SAME = 0.03  # relative distance within which frequencies of two responses are the same
 
 
@@ -146,6 +147,9 @@ class FrfObservation(Sines):
         return np.asarray(self.size * self.drive_response(plant) / self.needed_torque(plant), complex)
 
 
+Seen = Observation | FrfObservation | ServoObservation
+
+
 @dataclass(frozen=True)
 class Together(Sines):
     """The points of several observations as those of one, so that a plant makes one pass over all of them.
@@ -207,31 +211,15 @@ def relative_deviation(frf: FRF) -> Array:
     From sigma, smoothed over neighbours, for it is known from a few repeats only; where there is none, from how far
     points stand from a smooth curve through their neighbours.
     """
-    n = len(frf)
-    if frf.sigma is not None and np.any(frf.sigma > 0):
+    if frf.sigma is not None and _has_sigma(frf):
         share = frf.sigma / np.abs(frf.response)
-        usual = scipy.ndimage.median_filter(share, min(5, n), mode="nearest")
+        usual = scipy.ndimage.median_filter(share, min(5, len(frf)), mode="nearest")
         return np.asarray(np.maximum(usual, 0.5 * share))
-    return np.full(n, roughness(frf))
+    return np.full(len(frf), roughness(frf))
 
 
-def roughness(frf: FRF) -> float:
-    """How far a point stands from a smooth curve through its four neighbours, relative; nan with fewer than 8 points.
-
-    The curve is a parabola through 1 / G over w, which a resonance does not bend. Most of what bends it nevertheless is
-    kept out by a low quantile over the points.
-    """
-    if len(frf) < 8:
-        return math.nan
-    x, y = frf.omega, 1 / frf.response
-    gaps = []
-    for i in range(2, len(frf) - 2):
-        near = np.array([i - 2, i - 1, i + 1, i + 2])
-        powers = np.vander((x[near] - x[i]) / np.ptp(x[near]), 3)
-        weights = np.linalg.pinv(powers)[-1]
-        noise = math.hypot(float(np.abs(y[i])), *np.abs(weights * y[near]))
-        gaps.append(abs(y[i] - weights @ y[near]) / noise)
-    return float(np.quantile(gaps, _QUANTILE)) / math.sqrt(-math.log(1 - _QUANTILE))  # of a circular normal one
+def _has_sigma(frf: FRF) -> bool:
+    return frf.sigma is not None and bool(np.any(frf.sigma > 0))
 
 
 def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:
@@ -240,30 +228,61 @@ def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:
     shares = [relative_deviation(f) for f in found]
     known = np.concatenate(shares)
     usual = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else _UNKNOWN
-    out = []
-    for f, share in zip(found, shares, strict=True):
-        size = np.asarray(f.amplitude, float) / np.abs(f.response)
-        out.append(FrfObservation(f, np.hypot(np.where(np.isfinite(share), share, usual), _MODEL_ERROR) * size))
-    return rescaled(out)
+    return rescaled([
+        FrfObservation(f, _deviation(f, np.where(np.isfinite(share), share, usual)))
+        for f, share in zip(found, shares, strict=True)
+    ])  # fmt: skip
+
+
+def _deviation(frf: FRF, share: Array) -> Array:
+    """(n,) of the torque, of one of the response relative to its size [N m]."""
+    return np.hypot(share, _MODEL_ERROR) * np.asarray(frf.amplitude, float) / np.abs(frf.response)
 
 
 def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObservation]:
     """The observations with the harmonics of `plant`, without the points at which there is no balance.
 
-    What the calculation itself may cost is added to the deviation of each point.
+    What the calculation itself may cost is added to the deviation of each point. Where responses come without a
+    deviation, it is told from what `plant` leaves if that is less noise than there is without it.
     """
     all_ = Together(tuple(observations))
     found = balance(plant.joint(), plant.driven_inertia, all_.size, all_.omega)
-    beside = balance(plant.joint(), _DOUBT * plant.driven_inertia, all_.size, all_.omega, found.extra)
-    errors = np.hypot(_MODEL_ERROR * np.abs(found.first), np.abs(found.first - beside.first))
-    out, ends = [], np.cumsum([len(o.frf) for o in observations])[:-1]
+    beside_it = balance(plant.joint(), _DOUBT * plant.driven_inertia, all_.size, all_.omega, found.extra)
+    errors = np.hypot(_MODEL_ERROR * np.abs(found.first), np.abs(found.first - beside_it.first))
+    out, costs, ends = [], [], np.cumsum([len(o.frf) for o in observations])[:-1]
     for o, good, error, extra in zip(
-        observations, *(np.split(x, ends) for x in (found.good & beside.good, errors, found.extra)), strict=True
+        observations, *(np.split(x, ends) for x in (found.good & beside_it.good, errors, found.extra)), strict=True
     ):
         if good.any():
             frf = o.frf if good.all() else o.frf.where(good)
-            out.append(replace(o, frf=frf, deviation=np.hypot(o.deviation, error)[good], extra=extra[good]))
-    return out
+            out.append(replace(o, frf=frf, deviation=o.deviation[good], extra=extra[good]))
+            costs.append(error[good])
+    return [
+        replace(o, deviation=np.hypot(o.deviation, cost)) for o, cost in zip(_retold(out, plant), costs, strict=True)
+    ]
+
+
+def _retold(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObservation]:
+    """The observations, those without sigma with the deviation that is told beside `plant` where that is smaller."""
+    told = _told_beside(observations, plant)
+    now = {id(o): deviation for o, deviation in told}
+    if not told or np.median(np.concatenate([d / o.deviation for o, d in told])) > 1:
+        return list(observations)
+    return [replace(o, deviation=now[id(o)]) if id(o) in now else o for o in observations]
+
+
+def _told_beside(observations: Sequence[FrfObservation], plant: Plant) -> list[tuple[FrfObservation, Array]]:
+    """Those without sigma, each with (n,) the deviation that is told beside `plant`; none where none is."""
+    bare = [o for o in observations if not _has_sigma(o.frf)]
+    shares = beside([o.frf for o in bare], [o.model_response(plant) for o in bare]) or []
+    return [(o, _deviation(o.frf, share)) for o, share in zip(bare, shares, strict=False)]
+
+
+def tells_another_noise(plant: Plant, observations: Sequence[Seen]) -> bool:
+    """Whether some response without sigma is worth much more or less beside `plant` than it is taken for."""
+    responses = settled([o for o in observations if isinstance(o, FrfObservation)], plant)
+    ratios = [float(np.median(d / o.deviation)) for o, d in _told_beside(responses, plant)]
+    return any(not 1 / _ANOTHER < r < _ANOTHER for r in ratios)
 
 
 def without_outliers(
@@ -311,6 +330,3 @@ def rescaled(observations: Sequence[FrfObservation], scale: float | None = None)
         units = np.concatenate([np.abs(o.torque) / o.deviation for o in observations])
         scale = float(np.sqrt(np.mean(size**2) / np.mean(units**2)))
     return [replace(o, scale=scale) for o in observations]
-
-
-Seen = Observation | FrfObservation | ServoObservation

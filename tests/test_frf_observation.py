@@ -1,6 +1,7 @@
 """Responses as observations: the torque they say was applied is the one that the simulated plant needed."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,8 @@ from gms_mujoco.frf_observation import (
     FrfObservation,
     balanced,
     observe_frfs,
-    relative_deviation,
     rescaled,
-    roughness,
+    tells_another_noise,
     usable,
 )
 from gms_mujoco.plant import Plant
@@ -103,18 +103,33 @@ def test_rows_are_as_large_as_torques_and_as_good_as_their_sigma() -> None:
     assert np.std(beside.floor(np.random.default_rng(0))) == pytest.approx(1e-5 / math.sqrt(2), rel=0.4)
 
 
-def test_roughness_is_the_noise_of_a_response_with_a_resonance() -> None:
-    f = np.geomspace(5, 200, 60)
-    w = 2j * np.pi * f
-    clean = 1 / (J * w**2 + 3e-4 * w + 0.5)
-    rng = np.random.default_rng(3)
-    noise = (rng.standard_normal(60) + 1j * rng.standard_normal(60)) / math.sqrt(2)
-    for share in (0.01, 0.05):
-        frf = FRF("noisy", f, clean * (1 + share * noise), excitation=1e-3)
-        assert roughness(frf) == pytest.approx(share, rel=0.5)
-        assert np.all(relative_deviation(frf) == roughness(frf))
-    assert roughness(FRF("clean", f, clean)) < 1e-3
-    assert math.isnan(roughness(FRF("short", f[:5], clean[:5])))
+def noisy(levels: Sequence[float], noise: float) -> list[FRF]:
+    """Responses of the axis at several torques, with an error of the position [rad] and without a deviation."""
+    rng, found = np.random.default_rng(3), []
+    for torque in levels:
+        frf = stepped_sine(AXIS, list(np.geomspace(14, 250, 14)), torque, held="torque", substeps=32)
+        error = rng.standard_normal((2, len(frf))) * noise / torque / math.sqrt(2)
+        found.append(replace(frf, response=frf.response + error[0] + 1j * error[1], sigma=None))
+    return found
+
+
+def test_a_plant_tells_the_noise_of_responses_without_a_deviation() -> None:
+    noise, rough = 3e-6, observe_frfs(noisy([2e-3, 4e-3, 6e-3], 3e-6))
+    assert tells_another_noise(AXIS, rough)
+    known = balanced(rough, AXIS)
+    assert not tells_another_noise(AXIS, known)
+    for o in known:
+        told = o.deviation / np.abs(o.torque)
+        true = np.hypot(noise / o.size, 3e-3 * math.sqrt(2))  # and what sampling and the balance may cost
+        assert np.median(np.abs(np.log(told / true))) < 0.35
+
+
+def test_a_deviation_that_was_measured_stays() -> None:
+    frfs = [replace(f, sigma=0.02 * np.abs(f.response)) for f in noisy([2e-3, 6e-3], 3e-6)]
+    seen = observe_frfs(frfs)
+    assert not tells_another_noise(AXIS, seen)
+    for o in balanced(seen, AXIS):
+        assert np.median(o.deviation / np.abs(o.torque)) == pytest.approx(0.02, rel=0.1)
 
 
 def test_a_response_that_cannot_be_used_says_why() -> None:

@@ -17,6 +17,7 @@ LAYERS = [
     {"harmonics", "frf_units", "place_spectrum", "slow_signal"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},
+    {"frf_noise"},
     {"servo_run", "plant", "coordinates", "grid", "sampling", "encoder"},
     {"servo_observation"},
     {"servo_starts", "simulate", "inverse", "sines", "frf_observation", "noise", "scales", "motion", "starts", "engine",
