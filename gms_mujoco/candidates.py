@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from .parameter import WAVES, Parameter
 from .plant import Plant
 from .scales import Scales
 from .servo_observation import ServoObservation
-from .starts import LAWS
+from .starts import LAWS, to_identify
 
 Array = NDArray[np.float64]
 
@@ -37,17 +38,34 @@ _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
 
 
+GENERAL_LAWS = ("gms", "lugre")
+CONTAINED_LAWS = ("coulomb", "stribeck", "dahl")  # in each of these
+_NATIVE = "frictionloss"  # what MuJoCo has, and no bearing
+
+
 def _laws_aside(plant: Plant) -> tuple[str, ...]:
-    """Laws of friction that are no candidates beside those of a plant.
+    """Laws of friction that are not added to those of a plant.
 
     `gms` and `lugre` are general forms: beside them the others have nothing of their own to add, nor beside a
     `stribeck` that creeps, which takes the place of these where it describes more. The first two are no small change of
-    anything else, nor is `frictionloss`, and a plant without them was chosen so.
+    anything else, nor is `frictionloss`: see `with_general_laws`.
     """
-    general = ("gms", "lugre", "frictionloss")
-    creeps = "stribeck" in plant and bool(plant["stribeck"].creep_velocity)
-    whole = creeps or any(name in plant for name in general)
-    return (*general, "coulomb", "stribeck", "dahl") if whole else general
+    alone = (*GENERAL_LAWS, _NATIVE)
+    whole = _creeps(plant) or any(name in plant for name in alone)
+    return (*alone, *CONTAINED_LAWS) if whole else alone
+
+
+def _creeps(plant: Plant) -> bool:
+    return "stribeck" in plant and bool(plant["stribeck"].creep_velocity)
+
+
+def with_general_laws(plant: Plant) -> list[Plant]:
+    """The plant with each of the general laws of friction, not fitted, in the place of those that it contains; none
+    where the plant has one already."""
+    if _creeps(plant) or any(name in plant for name in GENERAL_LAWS):
+        return []
+    rest = tuple(e for e in plant.effects if e.name not in (*CONTAINED_LAWS, _NATIVE))
+    return [replace(plant, effects=(to_identify(name), *rest)) for name in GENERAL_LAWS]
 
 
 # Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what
@@ -135,14 +153,18 @@ def lean(effect: Effect) -> Effect:
 
 
 def strengths(effect: type[Effect]) -> list[Parameter]:
-    """Parameters at whose zero the effect is absent."""
+    """Parameters at whose zero the effect is absent; none of a general law of friction, which is there or is not."""
+    if effect.name in GENERAL_LAWS:
+        return []
     return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase"]
 
 
 def is_present(effect: Effect) -> bool:
-    """Whether an effect is more than a name: its first strength, which it is named for, has not vanished."""
+    """Whether an effect is more than a name: its first strength, which it is named for, has not vanished, nor one that
+    is as large at least, as friction at rest where another law has the level of sliding."""
     first = strengths(type(effect))[:1]
-    return all(np.any(np.abs(np.asarray(effect.values[p.name])) > 1e-12) for p in first)
+    named = [p.name for p in effect.parameters if p in first or p.at_least in [f.name for f in first]]
+    return not first or any(np.any(np.abs(np.asarray(effect.values[name])) > 1e-12) for name in named)
 
 
 def is_possible(effect: Effect) -> bool:

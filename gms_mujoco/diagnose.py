@@ -20,7 +20,7 @@ from .fit import baseline
 from .fit_result import FitResult, with_covariance
 from .frf_observation import Seen, tells_another_noise
 from .friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
-from .friction_shape import with_exponents
+from .friction_shape import with_exponents, without_vanished
 from .given_inertia import corrected, free, is_doubtful
 from .given_setup import corrected_setup
 from .held_out import p_value
@@ -310,14 +310,14 @@ def _searched(
     as_found = _with_law_of(search, start) if law_said else start
     other = Search(seen, select, free(as_found), without)
     if is_doubtful(search, other):
-        other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9))
+        other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9), search)
         if inertia_said := corrected(search, other):
             start, search, law_said, late = free(start), other, other_law or law_said, other_late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
         for other in leading_further(search, others):
-            _, other_late = searched(other, False, part(report, 0.9, 0.9))
+            _, other_late = searched(other, False, part(report, 0.9, 0.9), search)
             if better := much_better(search, other):
                 search, late, law_said = other, other_late, better
             if search.at_floor:
@@ -337,7 +337,7 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
         free_to_bend = with_exponents(kept.result, start)
         if has_moments(kept.result, kept.held_out):
             return unbent(free_to_bend)
-        last = finished(free_to_bend)
+        last = finished(without_vanished(free_to_bend))
         if not drop_last(search, last):
             return last, ""
 

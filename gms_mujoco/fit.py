@@ -24,7 +24,7 @@ from .progress import Progress, part, silent
 from .refine import finish, refined, to_end
 from .rough import begun, best_start
 from .screen import Screen
-from .starts import other_weakenings, slipping_anew
+from .starts import ELEMENTS, other_weakenings, slipping_anew
 from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ _ANEW = (("attraction",), ("attraction", "static"))
 
 
 def baseline(
-    inertia: float | None = None, kind: str = "hinge", elements: int = 8, controller: str | None = None
+    inertia: float | None = None, kind: str = "hinge", elements: int = ELEMENTS, controller: str | None = None
 ) -> Plant:
     """The default baseline, not yet identified: inertia, GMS friction with its Stribeck level, viscous drag.
 

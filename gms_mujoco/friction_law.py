@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import effects
 from .effect import Effect
 from .fit import fit_observations, from_the_data
 from .fit_result import FitResult, result_of
@@ -29,6 +28,7 @@ from .linear_model import cross_validated
 from .plant import Plant
 from .progress import silent
 from .search import Search, Step
+from .starts import to_identify
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
@@ -207,7 +207,7 @@ def choices(plant: Plant) -> tuple[Effect, ...]:
     own = [e for e in plant.effects if e.name in LAWS]
     if len(own) != 1:
         return ()
-    return (own[0], *(effects.find(name)(None, **values) for name, values in LAWS.items() if name != own[0].name))
+    return (own[0], *(to_identify(name, **values) for name, values in LAWS.items() if name != own[0].name))
 
 
 def _told(plant: Plant, name: str) -> str:

@@ -27,7 +27,8 @@ from .starts import weakened
 Array = NDArray[np.float64]
 
 # Parameters of a law that no fit frees unasked.
-SHAPE = ("stribeck_exponent", "slips_back", "damping_velocity", "elastic")
+_EXPONENTS = ("stribeck_exponent", "exponent")  # of the curve over speed; of that over the way after a reversal
+SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
@@ -38,34 +39,42 @@ _OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most
 _WEAKENS = 1.02  # times the level of sliding: by less friction does not weaken
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
+_VANISHED = 1e-4  # of the level: an element that carries less
+_AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
 def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
-    """A fit with another exponent of the Stribeck curve, which else no fit frees; the same where none takes a good part
-    of what is left.
+    """A fit with another exponent of the curve of friction, which else no fit frees; the same where none takes a good
+    part of what is left.
 
-    It is looked for from the present curve first, then from those of other velocities, between which and that a fit may
-    find no way. What friction does at steady speed need not ask for it: the curve is that of every reversal too.
+    It is looked for from the present curve first, then from Stribeck curves of other velocities, between which and that
+    a fit may find no way. What friction does at steady speed need not ask for it: the curve is that of every reversal
+    too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     usual = Scales.of(now.misfit.observations)["rad/s"]
-    for name in [e.name for e in now.plant.effects if "stribeck_exponent" in e.values]:
-        for velocity in _VELOCITIES:
+    for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e))]:
+        for velocity in _VELOCITIES if exponent == "stribeck_exponent" else (None,):
             if at_floor(now, left, _NEARLY_NOISE):
                 break
             law = now.plant[name]
-            if bent := _bent(now, law if velocity is None else weakened(law, velocity * usual)):
+            if bent := _bent(now, law if velocity is None else weakened(law, velocity * usual), exponent):
                 now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
     return now, left
 
 
-def _bent(now: FitResult, law: Effect) -> tuple[Misfit, Array] | None:
+def _exponent_of(effect: Effect) -> str | None:
+    """The name of the exponent of the curve of a law of friction; None of other effects."""
+    return next((name for name in _EXPONENTS if name in effect.values), None)
+
+
+def _bent(now: FitResult, law: Effect, exponent: str) -> tuple[Misfit, Array] | None:
     """The problem of a fit, and its solution, with the exponent that suits it best from a law of friction on, which
     then stays; None where that promises too little."""
-    misfit, x = now.misfit.onto(now.plant.replace(law), now.vector, freed=[f"{law.name}.stribeck_exponent"])
+    misfit, x = now.misfit.onto(now.plant.replace(law), now.vector, freed=[f"{law.name}.{exponent}"])
     near = _nudged(now, misfit, x)
     if near is None:
         return None
@@ -134,8 +143,8 @@ def with_exponents(found: FitResult, start: Plant) -> FitResult:
     freed = []
     for e in found.plant.effects:
         begun = start[e.name].values if e.name in start else {p.name: p.default for p in e.parameters}
-        if e.values.get("stribeck_exponent") != begun.get("stribeck_exponent"):
-            freed.append(f"{e.name}.stribeck_exponent")
+        if (exponent := _exponent_of(e)) and e.values[exponent] != begun[exponent]:
+            freed.append(f"{e.name}.{exponent}")
     if not freed:
         return found
     misfit, x = found.misfit.onto(found.plant, found.vector, freed=freed)
@@ -222,6 +231,27 @@ def without_idle(result: FitResult) -> FitResult:
     plant = replace(result.plant, effects=tuple(map(lean, result.plant.effects)))
     misfit, x = result.misfit.onto(plant, result.vector)
     return result if misfit.coordinates.size == result.misfit.coordinates.size else refine(misfit, x)
+
+
+def without_vanished(found: FitResult) -> FitResult:
+    """A fit without the elements of friction that have come to next to nothing, where it leaves as much without them.
+
+    How stiff such an element is no data tell, and beside it those of the others look as little told.
+    """
+    if "gms" not in found.plant:
+        return found
+    law = found.plant["gms"]
+    share = np.asarray(law.fraction)
+    kept = share > _VANISHED
+    if kept.all():
+        return found
+    less = law.replace(stiffness=np.asarray(law.stiffness)[kept], fraction=share[kept] / share[kept].sum())
+    plant = found.plant.replace(less)
+    misfit = Misfit(plant, found.misfit.observations)
+    gone = found.plant.memory_places["gms"].start + np.flatnonzero(~kept)
+    memories = [np.delete(m, gone) if len(m) else m for m in found.misfit.memories(found.vector, found.misfit.n_memory)]
+    other = refine(misfit, misfit.vector(plant, memories))
+    return other if other.error <= _AS_MUCH * found.error else found
 
 
 def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> tuple[FitResult, HeldOut]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
 
@@ -157,8 +157,8 @@ class JointFits:
         return out
 
     def _fresh(self, near: Plant) -> Plant:
-        """The first plant, not fitted, with what was added to it as it stands in `near`."""
-        fresh = self.start
+        """The first plant, not fitted, with what was added to it as it stands in `near`, without what was replaced."""
+        fresh = replace(self.start, effects=tuple(e for e in self.start.effects if e.name in near))
         for e in near.effects:
             if e.name not in self.start:
                 fresh = fresh + e

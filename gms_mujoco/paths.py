@@ -8,31 +8,44 @@ from .friction_law import FrictionLaw
 from .judgement import Trial, leaves_much_less, simplest
 from .progress import Progress, part, silent
 from .recheck import drop_false, drop_late, drop_ripple, drop_series, exchange
-from .search import MOST_EFFECTS, MOST_ROUNDS, Search
+from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
 _MOST_RIVALS = 2
+_SAME = 0.01  # relative difference of errors that a fit leaves of its own
 
 
-def searched(search: Search, free: bool, report: Progress) -> tuple[str, str]:
+def searched(search: Search, free: bool, report: Progress, instead_of: Search | None = None) -> tuple[str, str]:
     """Takes a search to its end; a sentence on the law of friction where it is another than the first, and one on what
     was found last and taken away again.
 
     The law is chosen, where it is free, and effects are added while they earn their place; then the order is checked.
     Where the noise floor is not reached that way others are gone, see `along_rivals`.
+
+    Args:
+        search: that has begun, or has not.
+        free: whether the law of friction is.
+        report: called with a share in 0..1 and a message.
+        instead_of: one that has ended, in whose place this one has to leave much less; no other way is gone where the
+            first does not.
     """
     friction = FrictionLaw(search, free)
     if not search.steps:
         search.first(part(report, 0.0, 0.22, "baseline"))
     _to_its_end(search, friction, part(report, 0.22, 0.82))
-    if not search.at_floor and not search.quick:
+    leads = instead_of is None or leaves_much_less(instead_of.steps[-1].result, search.steps[-1].result)
+    if leads and not search.at_floor and not search.quick:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
     return friction.said, drop_late(search) or drop_series(search) or drop_ripple(search)
 
 
-def _to_its_end(search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS) -> None:
-    """Goes on to where nothing more earns its place, or there are `most` effects."""
+def _to_its_end(
+    search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS, before_it: Sequence[Search] = ()
+) -> None:
+    """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been."""
     for k in range(MOST_ROUNDS):
+        if any(_has_been(other, search.steps[-1]) for other in before_it):
+            return
         law = friction.better()
         if law is not None and law.clear:
             friction.take(law)
@@ -64,15 +77,16 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     own. Which of two was the first cause is told by where they lead: with one effect more at most to what leaves less.
     """
     rivals, most = _rivals(search)[:_MOST_RIVALS], min(len(search.steps), MOST_EFFECTS)
-    ends, known = [(search, friction)], [_names(search)]
+    ends, gone, known = [(search, friction)], [search], [_names(search.steps[-1])]
     for i, (k, rival) in enumerate(rivals):
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
         law = friction.beside(other)
-        _to_its_end(other, law, silent, most)
-        if _names(other) in known and not leaves_much_less(search.steps[-1].result, other.steps[-1].result):
+        _to_its_end(other, law, silent, most, gone)
+        gone.append(other)
+        if _names(other.steps[-1]) in known and not leaves_much_less(search.steps[-1].result, other.steps[-1].result):
             continue
-        known.append(_names(other))
+        known.append(_names(other.steps[-1]))
         if best([search, other]):
             if len(other.steps) > most:  # there may be more to it
                 _to_its_end(other, law, silent)
@@ -84,8 +98,13 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     return law
 
 
-def _names(search: Search) -> set[str]:
-    return {e.name for e in search.steps[-1].result.plant.effects}
+def _names(step: Step) -> set[str]:
+    return {e.name for e in step.result.plant.effects}
+
+
+def _has_been(search: Search, step: Step) -> bool:
+    """Whether a search has come through a fit of the same effects that leaves as much: it goes on from there alike."""
+    return any(_names(s) == _names(step) and abs(s.result.error / step.result.error - 1) < _SAME for s in search.steps)
 
 
 def best(searches: Sequence[Search]) -> int:
@@ -100,6 +119,6 @@ def _rivals(search: Search) -> list[tuple[int, Trial]]:
         (k, rival)
         for k, step in enumerate(search.steps)
         for rival in step.others
-        if rival.name not in _names(search) and rival.held_out.total <= _HARDLY_MORE * step.held_out.total
+        if rival.name not in _names(search.steps[-1]) and rival.held_out.total <= _HARDLY_MORE * step.held_out.total
     ]
     return sorted(found, key=lambda r: (r[1].result.misfit.coordinates.size, r[1].held_out.total))

@@ -14,10 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .beyond import Hint, beyond
-from .candidates import LOADED, applicable, grows, is_open, is_part_of_wave, joined
+from .candidates import (
+    CONTAINED_LAWS,
+    GENERAL_LAWS,
+    LOADED,
+    applicable,
+    grows,
+    is_open,
+    is_part_of_wave,
+    joined,
+    with_general_laws,
+)
 from .compare import Comparison, compare_observations
 from .effect import Effect
-from .fit import fit_as_logged
+from .fit import fit_as_logged, from_the_data
 from .fit_result import FitResult
 from .frf_observation import FrfObservation, Seen
 from .friction_shape import (
@@ -230,6 +240,10 @@ class Search:
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         rough += self._beside_straight(fits.worth_trying(current, rough))
+        laws = self._general_laws(fits.worth_trying(current, rough))
+        p_values |= {name: p_value(self.held_out, cross_validated(misfit, x)) for name, misfit, x in laws}
+        plants |= {name: misfit.plant(x) for name, misfit, x in laws}
+        rough += laws
         trials = self._trials(rough, p_values, report)
         self.hint = unlisted = self._beyond(trials)
         added = False
@@ -296,6 +310,18 @@ class Search:
         """
         _, misfit, x = rough
         return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
+
+    def _general_laws(self, below: float = math.inf) -> list[Rough]:
+        """A rough fit with each general law of friction in the place of those that it contains, above the noise floor:
+        it is no small change of them, which a tangent would show; see `JointFits.roughly` for `below`."""
+        if self.at_floor or self.fits.simulated:
+            return []
+        out = []
+        for plant in with_general_laws(self.steps[-1].result.plant):
+            name = plant.effects[0].name
+            if name not in {*self.false, *self.without}:
+                out.append((name, *from_the_data(plant, self.fits.few, below=below)))
+        return out
 
     def _beside_straight(self, below: float = math.inf) -> list[Rough]:
         """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
@@ -403,7 +429,7 @@ class Search:
     def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
         now = self.steps[-1]
-        earned = self._beside_load([t for t in trials if t.name in passed and self._earns(t)])
+        earned = self._beside_load(_beside_contained([t for t in trials if t.name in passed and self._earns(t)]))
         if not earned:
             return False
         if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
@@ -416,6 +442,8 @@ class Search:
             self.steps[-1] = replace(now, result=result, held_out=held_out)
         else:
             rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
+            # A general law of friction takes the place of what it contains.
+            self.steps = [s for s in self.steps if s.effect is None or s.effect in result.plant]
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
         if (self.shape() and self._needless(name)) or self.relogged():
             self.first(silent)
@@ -655,6 +683,13 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
+
+
+def _beside_contained(earned: Sequence[Trial]) -> list[Trial]:
+    """The trials without the general laws of friction, where one that they contain leaves hardly more: all that is
+    missing may be that."""
+    left = min((t.held_out.total for t in earned if t.name in CONTAINED_LAWS), default=math.inf)
+    return [t for t in earned if t.name not in GENERAL_LAWS or CLOSE * t.held_out.total < left]
 
 
 def _surer(rough: Sequence[Rough], ends: Sequence[Rough], p_values: dict[str, float]) -> list[Rough]:

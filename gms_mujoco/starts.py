@@ -44,6 +44,13 @@ _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed f
 _BENT = 0.25, 4.0  # exponents of Stribeck curves, beyond which they are steps
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
 LAWS = ("gms", "lugre", "dahl", "stribeck", "frictionloss")  # of friction, that the data start
+ELEMENTS = 8  # of a law that has elements, if nobody asks for another number
+
+
+def to_identify(law: str, **values: float) -> Effect:
+    """A law of friction by its name, to be identified but for the values given."""
+    effect = effects.find(law)
+    return effect(ELEMENTS if any(p.per_element for p in effect.parameters) else None, **values)
 
 
 def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:

@@ -18,6 +18,7 @@ from gms_mujoco.candidates import (
     shapes,
     width_of,
     widths,
+    with_general_laws,
 )
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit, observe
@@ -34,6 +35,17 @@ def test_applicable_effects_are_not_there_yet_nor_contained() -> None:
     assert {"cogging", "gravity", "delay", "asymmetric_friction"} <= names
     assert "viscous" in {e.name for e in applicable(HEALTHY.without("viscous"))}
     assert "coulomb" in {e.name for e in applicable(Plant.axis(J))}
+
+
+def test_general_laws_take_the_place_of_what_they_contain() -> None:
+    bare, dry, cogging = Plant.axis(J), effects.Coulomb(coulomb=LEVEL), HIDDEN["cogging"]
+    creeping = effects.Stribeck(coulomb=LEVEL, static=LEVEL, stribeck_velocity=1.0, creep_velocity=0.1)
+    for plant in (bare, bare + dry, bare + dry + effects.Stribeck(), bare + effects.Frictionloss(coulomb=LEVEL)):
+        laws = with_general_laws(plant + cogging)
+        assert [[e.name for e in p.effects] for p in laws] == [["gms", "cogging"], ["lugre", "cogging"]]
+        assert all(p.effects[0].unset for p in laws) and laws[0]["gms"].elements > 1
+    for law in (HEALTHY["gms"], effects.LuGre(), creeping):
+        assert not with_general_laws(bare + dry + law)
 
 
 def test_shapes_are_values_that_the_effect_accepts() -> None:

@@ -11,13 +11,15 @@ import pytest
 from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs, slow
 
 from gms_mujoco import effects
+from gms_mujoco.candidates import GENERAL_LAWS
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import Diagnosis, diagnose
-from gms_mujoco.fit import fit
+from gms_mujoco.fit import fit, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.frf_observation import Seen
 from gms_mujoco.friction_law import FrictionLaw, _strays, choices, much_better, with_law
 from gms_mujoco.habits import as_logged
+from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -238,3 +240,39 @@ def test_what_modulates_friction_is_found_beside_one_bristle() -> None:
     d = diagnose(dataset(BRISTLE + hidden, SECONDS))
     assert "lugre" in d.plant and [e.name for e in d] == ["asymmetric_friction"]
     assert d.found[0].level == pytest.approx(0.25, rel=0.05)
+
+
+DRY = Plant.axis(J) + effects.Coulomb() + effects.Viscous()
+DRAG = effects.Viscous(coefficient=2e-5)
+LAWS = {
+    "lugre": BRISTLE,
+    "gms": HEALTHY,
+    "stribeck": Plant.axis(J) + effects.Stribeck(coulomb=LEVEL, static=6e-3, stribeck_velocity=2.0) + DRAG,
+    "dahl": Plant.axis(J) + effects.Dahl(stiffness=1.0, coulomb=LEVEL, exponent=1.5) + DRAG,
+}
+
+
+@pytest.mark.parametrize("name", ["lugre", "stribeck", *slow("gms", "dahl")])
+def test_the_law_that_a_plant_lacks_is_named(name: str) -> None:
+    """A general one too, in the place of what it contains; and not where what it contains does as well."""
+    found = diagnose(dataset(LAWS[name], SECONDS), DRY)
+    assert [s.effect for s in found.steps] == [None, name] and found.verdict == "explained"
+    law, true = found.plant[name], LAWS[name][name]
+    assert ("coulomb" in found.plant) == (name not in GENERAL_LAWS)
+    if name == "dahl":
+        assert law.exponent == pytest.approx(true.exponent, rel=0.05)
+    if name != "stribeck":  # which shares the level with the other law
+        assert law.coulomb == pytest.approx(true.coulomb, rel=0.02)
+
+
+def test_a_law_that_was_found_gives_way_to_one_that_contains_it() -> None:
+    """What it was found by is then no step of its own."""
+    search = Search(observe(dataset(BRISTLE, SECONDS).fit, J), [], DRY)
+    search.first(quiet)
+    dahl = fit_observations(search.steps[0].result.plant + effects.Dahl(), search.seen)
+    search = search.branch(1, Trial("dahl", dahl, cross_validated(dahl.misfit, dahl.vector)))
+    assert search.add_one(quiet) and [s.effect for s in search.steps] == [None, "lugre"]
+    assert {e.name for e in search.steps[-1].result.plant.effects} == {"lugre", "viscous"}
+
+
+def quiet(done: float, message: str) -> None: ...

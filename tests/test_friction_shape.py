@@ -7,7 +7,7 @@ from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
 from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_as_logged
-from gms_mujoco.fit_result import FitResult
+from gms_mujoco.fit_result import FitResult, result_of
 from gms_mujoco.friction_shape import (
     by_the_letter,
     elastic_bristle,
@@ -15,6 +15,7 @@ from gms_mujoco.friction_shape import (
     following,
     other_curve,
     with_exponents,
+    without_vanished,
 )
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
@@ -115,3 +116,15 @@ def test_a_bristle_that_only_bends_is_found_with_its_share() -> None:
     assert elastic_bristle(found, left)[0] is found
     healthy = fitted(law)
     assert elastic_bristle(healthy, cross_validated(healthy.misfit, healthy.vector))[0] is healthy
+
+
+def test_elements_that_have_come_to_nothing_are_left_out() -> None:
+    """They stay where something would be lost."""
+    law = HEALTHY["gms"]
+    more = law.replace(stiffness=[*law.stiffness, 1e6], fraction=[*(0.99999 * np.array(law.fraction)), 1e-5])
+    misfit = Misfit(HEALTHY.replace(more), observe(runs(HEALTHY), J))
+    found = result_of(misfit, misfit.vector(HEALTHY.replace(more)))
+    less = without_vanished(found)
+    assert less.plant["gms"].elements == 2 and sum(less.plant["gms"].fraction) == pytest.approx(1)
+    assert less.error <= 1.001 * found.error
+    assert without_vanished(less) is less
