@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from . import effects
 from .candidates import lean
 from .effect import Effect
 from .fit_result import FitResult
@@ -23,6 +24,7 @@ from .plant import Plant
 from .refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
 from .scales import Scales
 from .starts import weakened
+from .undetermined import stuck_within
 
 Array = NDArray[np.float64]
 
@@ -240,18 +242,46 @@ def without_vanished(found: FitResult) -> FitResult:
     """
     if "gms" not in found.plant:
         return found
-    law = found.plant["gms"]
-    share = np.asarray(law.fraction)
-    kept = share > _VANISHED
+    kept = np.asarray(found.plant["gms"].fraction) > _VANISHED
     if kept.all():
         return found
-    less = law.replace(stiffness=np.asarray(law.stiffness)[kept], fraction=share[kept] / share[kept].sum())
-    plant = found.plant.replace(less)
+    plant, memories = _of_elements(found, kept)
     misfit = Misfit(plant, found.misfit.observations)
-    gone = found.plant.memory_places["gms"].start + np.flatnonzero(~kept)
-    memories = [np.delete(m, gone) if len(m) else m for m in found.misfit.memories(found.vector, found.misfit.n_memory)]
     other = refine(misfit, misfit.vector(plant, memories))
     return other if other.error <= _AS_MUCH * found.error else found
+
+
+def spring_instead(now: FitResult) -> tuple[Misfit, Array] | None:
+    """The problem with a spring in the place of the elements of friction that slip in no record, and where to start;
+    None where all slip.
+
+    Such an element may hold another torque as each record begins, and has so stood for a spring in any number of them.
+    """
+    plant, observations = now.plant, now.misfit.observations
+    if "gms" not in plant or "spring" in plant:
+        return None
+    stuck = stuck_within(plant["gms"], max(float(np.ptp(o.position)) for o in observations))
+    if not stuck.any() or stuck.all():
+        return None
+    stiffness = float(np.asarray(plant["gms"].stiffness)[stuck].sum())
+    rest, memories = _of_elements(now, ~stuck)
+    with_spring = rest + effects.find("spring")(stiffness=stiffness, preload=0.0)
+    misfit = Misfit(with_spring, observations)
+    return misfit, misfit.vector(with_spring, memories)
+
+
+def _of_elements(found: FitResult, kept: NDArray[np.bool_]) -> tuple[Plant, list[Array]]:
+    """The plant of a fit with some of its elements of friction, and the state of it before each record."""
+    law, place = found.plant["gms"], found.plant.memory_places["gms"]
+    share = np.asarray(law.fraction)[kept]
+    whole = float(share.sum())
+    fewer = law.replace(
+        stiffness=np.asarray(law.stiffness)[kept], fraction=share / whole,
+        coulomb=whole * float(np.asarray(law.coulomb)), static=whole * float(np.asarray(law.static)),
+    )  # fmt: skip
+    gone = place.start + np.flatnonzero(~kept)
+    memories = found.misfit.memories(found.vector, found.misfit.n_memory)
+    return found.plant.replace(fewer), [np.delete(m, gone) if len(m) else m for m in memories]
 
 
 def _better(now: FitResult, left: HeldOut, result: FitResult, share: float) -> tuple[FitResult, HeldOut]:

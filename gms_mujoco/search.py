@@ -38,6 +38,7 @@ from .friction_shape import (
     following,
     more_elements,
     other_curve,
+    spring_instead,
     straightened,
     without_idle,
 )
@@ -86,6 +87,7 @@ Array = NDArray[np.float64]
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
 _DRAG = "quadratic_drag"  # what a curve of friction that bends over all speeds does
+_SPRING = "spring"  # what an element of friction that never slips does
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
@@ -240,6 +242,7 @@ class Search:
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         rough += self._beside_straight(fits.worth_trying(current, rough))
+        rough += self._for_stuck(fits.worth_trying(current, rough))
         laws = self._general_laws(fits.worth_trying(current, rough))
         p_values |= {name: p_value(self.held_out, cross_validated(misfit, x)) for name, misfit, x in laws}
         plants |= {name: misfit.plant(x) for name, misfit, x in laws}
@@ -332,6 +335,16 @@ class Search:
         misfit, x = now.misfit.onto(plants[1], now.vector, self.fits.few, fixed=_velocities(plants[1]))
         x = refined(misfit, nudge(misfit, x, below=below), below=below)
         return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
+
+    def _for_stuck(self, below: float = math.inf) -> list[Rough]:
+        """A rough fit with a spring in the place of elements of friction that slip in no record, beside which its
+        tangent shows nothing; see `JointFits.roughly` for `below`."""
+        addable = self.timed and _SPRING in [e.name for e in self._addable]
+        begun = spring_instead(self.steps[-1].result) if addable else None
+        if begun is None:
+            return []
+        misfit, x = begun
+        return [(_SPRING, misfit, refined(misfit, nudge(misfit, x, below=below), below=below))]
 
     def _drag_for_curve(self) -> bool:
         """Puts a drag in the place of a curve that bends over all speeds, and stands for it at the noise floor, where

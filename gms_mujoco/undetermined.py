@@ -85,10 +85,14 @@ def never_slips(plant: Plant, observations: Sequence[Seen]) -> str:
     )
 
 
+def stuck_within(gms: Effect, reach: float) -> NDArray[np.bool_]:
+    """(m,) elements whose break-away distance is beyond `reach` [rad]."""
+    return np.asarray(gms.fraction) * max(gms.static, gms.coulomb) > reach * np.asarray(gms.stiffness)
+
+
 def _stuck(gms: Effect, reach: float) -> NDArray[np.bool_]:
-    """(m,) elements whose break-away distance is beyond `reach` [rad]; none where they hardly matter."""
-    stiffness = np.asarray(gms.stiffness)
-    stuck = np.asarray(gms.fraction) * max(gms.static, gms.coulomb) > reach * stiffness
+    """(m,) the same; none where they hardly matter."""
+    stiffness, stuck = np.asarray(gms.stiffness), stuck_within(gms, reach)
     return stuck & bool(stiffness[stuck].sum() > _SHARE * stiffness.sum())
 
 

@@ -14,6 +14,7 @@ from gms_mujoco.friction_shape import (
     fading_damping,
     following,
     other_curve,
+    spring_instead,
     with_exponents,
     without_vanished,
 )
@@ -128,3 +129,22 @@ def test_elements_that_have_come_to_nothing_are_left_out() -> None:
     assert less.plant["gms"].elements == 2 and sum(less.plant["gms"].fraction) == pytest.approx(1)
     assert less.error <= 1.001 * found.error
     assert without_vanished(less) is less
+
+
+def test_a_spring_is_tried_in_the_place_of_elements_that_slip_in_no_record() -> None:
+    """They hold another torque as each record begins, wherever that is, and hide one spring in all of them."""
+    stiffness, law = 0.5 * LEVEL, HEALTHY["gms"]
+    records = runs(HEALTHY + effects.Spring(stiffness=stiffness))
+    more = law.replace(
+        stiffness=[*law.stiffness, stiffness], fraction=[*(0.02 * np.array(law.fraction)), 0.98],
+        coulomb=50 * law.coulomb, static=50 * law.static,
+    )  # fmt: skip
+    hiding = HEALTHY.replace(more)
+    misfit = Misfit(hiding, observe(records, J))
+    hidden = refine(misfit, misfit.vector(hiding))
+    begun = spring_instead(hidden)
+    assert begun is not None and begun[0].size < misfit.size
+    found = refine(*begun)
+    assert found.plant["spring"].stiffness == pytest.approx(stiffness, rel=0.02)
+    assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.05) and found.error < 1.2 * found.floor
+    assert spring_instead(found) is None and spring_instead(fit_as_logged(HEALTHY, misfit.observations)) is None
