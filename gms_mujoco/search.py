@@ -269,7 +269,7 @@ class Search:
         ]
         if added or unlisted is not None:
             return added
-        return self._drag_for_curve() or (self.waits and self.shape(at_last=True))
+        return self._drag_for_curve() or self._refined() or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
@@ -589,6 +589,15 @@ class Search:
                 chosen = result.plant[e.name].values
                 self.start = self.start.replace(e.replace(**{k: chosen[k] for k in SHAPE if k in chosen}))
         return (read if self.waits else bent) is not last.result
+
+    def _refined(self) -> bool:
+        """Gives friction more elements where they earn it from where a trial has led the plant; whether it has any."""
+        last = self.steps[-1]
+        if not self.timed:
+            return False
+        result, held_out = more_elements(last.result, last.held_out)
+        self.steps[-1] = replace(last, result=result, held_out=held_out)
+        return result is not last.result
 
     def _explains_more(self, now: FitResult, left: HeldOut, most: HeldOut) -> bool:
         """Whether a linear refit with an effect more surely leaves less of each block than another fit does."""
