@@ -168,7 +168,7 @@ def test_friction_over_a_part_of_a_wave_gives_way_to_what_a_load_does(
 
 
 def test_friction_gets_more_elements_from_where_a_trial_has_led() -> None:
-    many = GMS.replace(stiffness=[0.6, 0.3, 0.18, 0.12, 0.05], fraction=[0.2, 0.2, 0.2, 0.2, 0.2])
+    many = GMS.replace(stiffness=[0.5, 0.3, 0.12, 0.08], fraction=[0.3, 0.25, 0.25, 0.2])
     search = Search(observe(runs(HEALTHY.replace(many)), J), [], HEALTHY)
     few = fit_observations(HEALTHY.replace(effects.GMS(elements=3)), search.seen)
     search.steps = [Step(None, few, held_out=cross_validated(few.misfit, few.vector))]
