@@ -209,8 +209,12 @@ def diagnose(
     The default baseline has `gms` friction. Where that leaves more than noise does, other laws in its place are fitted
     too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
     and leaves less than any effect would. Where the end is above the noise floor, the whole search is made beside each
-    other law that with one effect may leave less, and that law taken where it leaves much less in the end. A law of
-    your own `plant` stays: what another would do is told in the remainder.
+    other law that with one effect may leave less, and that law taken where it leaves much less in the end. A general
+    law of your own `plant` stays: what another would do is told in the remainder. Where it has a simple one (`coulomb`,
+    `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are effects that may be missing, and take its place.
+
+    Frequency responses that come without a deviation are weighed again by what the plant leaves that was found beside
+    them first, and all is looked for again.
 
     Of a robot a payload, another gravity or other zeros of its encoders are counted in where the records contradict its
     model in that way, and the evidence of the baseline says so, with the numbers; see `given_setup`. They are fitted
