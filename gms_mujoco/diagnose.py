@@ -553,7 +553,9 @@ def _evidence(before: Step, step: Step) -> str:
     fall = f"the {score.name} falls from {score.told(was)} to {score.told(now)}"
     if now >= was:  # of a plant that was fitted between moments, which are in the error
         fall = "less is left of what a fit has not seen"
+    gone = [e.name for e in before.result.plant.effects if e.name not in step.result.plant]
+    instead = f", in the place of {' and '.join(gone)}" if gone else ""
     return (
-        f"{step.effect}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
+        f"{step.effect}{instead}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
         f"{len(step.held_out.by_record)} fit records; {_lowered(effects.find(step.effect).signature)}"
     )

@@ -259,6 +259,7 @@ def test_the_law_that_a_plant_lacks_is_named(name: str) -> None:
     assert [s.effect for s in found.steps] == [None, name] and found.verdict == "explained"
     law, true = found.plant[name], LAWS[name][name]
     assert ("coulomb" in found.plant) == (name not in GENERAL_LAWS)
+    assert (f"{name}, in the place of coulomb: with it" in found.steps[1].evidence) == (name in GENERAL_LAWS)
     if name == "dahl":
         assert law.exponent == pytest.approx(true.exponent, rel=0.05)
     if name != "stribeck":  # which shares the level with the other law

@@ -61,3 +61,23 @@ def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
     assert names(search) == ["asymmetric_friction"] and search.steps[-1].result.error < 0.7 * end.result.error
     search.steps[1] = end = replace(search.steps[1], others=end.others)
     assert along_rivals(search, law, quiet) is law and search.steps[1:] == [end]
+
+
+def test_a_search_ends_where_another_has_been(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would go on from there as that one did."""
+    search = gone_astray(dataset(HEALTHY + LEANING.replace(level=0.3)))
+    asked: list[Search] = []
+
+    def none_more(search: Search, report: object) -> bool:
+        asked.append(search)
+        return False
+
+    monkeypatch.setattr(Search, "add_one", none_more)
+    end = search.steps[-1]
+    passed_over = Trial("torque_offset", end.result, end.held_out)  # of the same effects, and leaves as much
+    search.steps[1] = replace(end, others=(passed_over,))
+    along_rivals(search, FrictionLaw(search, free=False), quiet)
+    assert not asked
+    search.steps[1] = end
+    along_rivals(search, FrictionLaw(search, free=False), quiet)
+    assert asked
