@@ -224,17 +224,15 @@ def sensor_residual(
     observation: Observation, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator,
     motion: Motion | None = None,
 ) -> Array:  # fmt: skip
-    """(m,) residual that the noise of the sensors, and what is done against it, leave on a record, one draw [N m].
+    """(m,) residual that the noise of the sensors alone leaves on a record, one draw [N m].
 
     A motion that the plant can make under the measured torque, see `possible_motion`, is taken as true. It is read
     again through a noisy, quantising encoder and passed through the same inverse dynamics. What stays the same when
-    the noise is a fourth of that is no noise but a plant that turns over at the least cause, and is left out. What
-    takes the noise off the position takes the corners off the motion too, as where the axis stops at once.
+    the noise is a fourth of that is no noise but a plant that turns over at the least cause, and is left out.
     """
     r = observation.record
     true = possible_motion(observation, plant, noise, motion or simulated(observation, plant, memory, noise))
-    seen = observation.again(true).needed(plant, memory)
-    smoothed = observation.again(true).unsmoothed().needed(plant, memory) - seen
+    seen = observation.again(true).unsmoothed().needed(plant, memory)
     extra = np.sqrt(max(noise.position**2 - noise.resolution**2 / 12, 0.0)) * rng.standard_normal(len(true))
     read = true + extra
     if noise.resolution:
@@ -247,7 +245,7 @@ def sensor_residual(
         part * torque - (observation.again(true + part * (read - true)).needed(plant, memory) - seen)
         for part in (1.0, _QUIET)
     )
-    return loud * _growth(loud, quiet) + smoothed
+    return loud * _growth(loud, quiet)
 
 
 def believable(floor: Array, residual: Array) -> Array:
