@@ -244,8 +244,9 @@ class Search:
         rough += self._beside_straight(fits.worth_trying(current, rough))
         rough += self._for_stuck(fits.worth_trying(current, rough))
         laws = self._general_laws(fits.worth_trying(current, rough))
-        p_values |= {name: p_value(self.held_out, cross_validated(misfit, x)) for name, misfit, x in laws}
         plants |= {name: misfit.plant(x) for name, misfit, x in laws}
+        on_all = {name: cross_validated(Misfit(plants[name], self.seen), x) for name, _, x in laws}
+        p_values |= {name: p_value(self.held_out, left) for name, left in on_all.items()}
         rough += laws
         trials = self._trials(rough, p_values, report)
         self.hint = unlisted = self._beyond(trials)
