@@ -26,6 +26,9 @@ from .starts import LAWS, to_identify
 
 Array = NDArray[np.float64]
 
+GENERAL_LAWS = ("gms", "lugre")
+CONTAINED_LAWS = ("coulomb", "stribeck", "dahl")  # in each of these
+_NATIVE = "frictionloss"  # what MuJoCo has, and no bearing
 _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 _STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
@@ -36,11 +39,6 @@ _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
-
-
-GENERAL_LAWS = ("gms", "lugre")
-CONTAINED_LAWS = ("coulomb", "stribeck", "dahl")  # in each of these
-_NATIVE = "frictionloss"  # what MuJoCo has, and no bearing
 
 
 def _laws_aside(plant: Plant) -> tuple[str, ...]:
@@ -59,13 +57,13 @@ def _creeps(plant: Plant) -> bool:
     return "stribeck" in plant and bool(plant["stribeck"].creep_velocity)
 
 
-def with_general_laws(plant: Plant) -> list[Plant]:
-    """The plant with each of the general laws of friction, not fitted, in the place of those that it contains; none
-    where the plant has one already."""
+def with_general_laws(plant: Plant) -> dict[str, Plant]:
+    """The plant with each of the general laws of friction, not fitted, in the place of those that it contains, by the
+    name of the law; none where the plant has one already."""
     if _creeps(plant) or any(name in plant for name in GENERAL_LAWS):
-        return []
+        return {}
     rest = tuple(e for e in plant.effects if e.name not in (*CONTAINED_LAWS, _NATIVE))
-    return [replace(plant, effects=(to_identify(name), *rest)) for name in GENERAL_LAWS]
+    return {name: replace(plant, effects=(to_identify(name), *rest)) for name in GENERAL_LAWS}
 
 
 # Effects that a frequency response cannot show: it has no clock, no load, and no place on the revolution; and what

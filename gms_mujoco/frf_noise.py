@@ -5,8 +5,7 @@ are the same at every point. The three are told from all points of an axis toget
 resonances bend a curve between few points as noise would. Without a plant each response has a share of its own.
 
 Source: Kotz and Nadarajah, Multivariate t Distributions and Their Applications (2004), for what bends the curve
-nevertheless; Fevotte and Idier, Algorithms for Nonnegative Matrix Factorization with the beta-Divergence (2011), for
-the update of variances that add up.
+nevertheless.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .frf import FRF
+from .variances import likeliest
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -26,7 +26,6 @@ Complex = NDArray[np.complex128]
 _FEWEST = 4  # points with neighbours, from which noise can be told
 _QUANTILE = 0.3
 _MOST = 0.3  # of a response: nobody keeps a point that is noisier, and a plant that makes one so lacks something
-_TURNS = 300
 _OF_NORMAL = 0.6100  # variance that the distribution with long tails gives to a complex normal one of variance 1
 
 
@@ -93,15 +92,9 @@ def _sources(frf: FRF) -> Array:
 
 
 def _told(gaps: _Gaps) -> Array:
-    """(3,) variances of the sources of which the gaps are most likely.
-
-    Complex t distribution of two degrees of freedom: p ~ 1 / V (1 + |gap|^2 / V)^-2.
-    """
+    """(3,) variances of the sources of which the gaps are most likely, those that are far off counting for little."""
     units = np.median(gaps.parts, axis=0)
     parts = gaps.parts / units
     square = np.maximum(gaps.square, np.finfo(float).tiny)
-    variance = np.full(3, float(np.median(square / parts.sum(axis=1))))
-    for _ in range(_TURNS):
-        total = parts @ variance
-        variance *= np.sqrt((2 * square / (total * (total + square))) @ parts / (1 / total @ parts))
-    return np.asarray(variance / units / _OF_NORMAL)
+    begin = np.full(3, float(np.median(square / parts.sum(axis=1))))
+    return np.asarray(likeliest(parts, square, begin, long_tails=True) / units / _OF_NORMAL)

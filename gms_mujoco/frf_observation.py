@@ -211,8 +211,8 @@ def relative_deviation(frf: FRF) -> Array:
     From sigma, smoothed over neighbours, for it is known from a few repeats only; where there is none, from how far
     points stand from a smooth curve through their neighbours.
     """
-    if frf.sigma is not None and _has_sigma(frf):
-        share = frf.sigma / np.abs(frf.response)
+    if _has_sigma(frf):
+        share = np.asarray(frf.sigma) / np.abs(frf.response)
         usual = scipy.ndimage.median_filter(share, min(5, len(frf)), mode="nearest")
         return np.asarray(np.maximum(usual, 0.5 * share))
     return np.full(len(frf), roughness(frf))
@@ -265,23 +265,24 @@ def balanced(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfOb
 def _retold(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObservation]:
     """The observations, those without sigma with the deviation that is told beside `plant` where that is smaller."""
     told = _told_beside(observations, plant)
-    now = {id(o): deviation for o, deviation in told}
-    if not told or np.median(np.concatenate([d / o.deviation for o, d in told])) > 1:
+    if not told or np.median(np.concatenate([d / observations[k].deviation for k, d in told.items()])) > 1:
         return list(observations)
-    return [replace(o, deviation=now[id(o)]) if id(o) in now else o for o in observations]
+    return [replace(o, deviation=told[k]) if k in told else o for k, o in enumerate(observations)]
 
 
-def _told_beside(observations: Sequence[FrfObservation], plant: Plant) -> list[tuple[FrfObservation, Array]]:
-    """Those without sigma, each with (n,) the deviation that is told beside `plant`; none where none is."""
-    bare = [o for o in observations if not _has_sigma(o.frf)]
-    shares = beside([o.frf for o in bare], [o.model_response(plant) for o in bare]) or []
-    return [(o, _deviation(o.frf, share)) for o, share in zip(bare, shares, strict=False)]
+def _told_beside(observations: Sequence[FrfObservation], plant: Plant) -> dict[int, Array]:
+    """(n,) deviation that is told beside `plant`, by the number of each without sigma; none where none is."""
+    bare = {k: o for k, o in enumerate(observations) if not _has_sigma(o.frf)}
+    shares = beside([o.frf for o in bare.values()], [o.model_response(plant) for o in bare.values()])
+    if shares is None:
+        return {}
+    return {k: _deviation(o.frf, share) for (k, o), share in zip(bare.items(), shares, strict=True)}
 
 
 def tells_another_noise(plant: Plant, observations: Sequence[Seen]) -> bool:
     """Whether some response without sigma is worth much more or less beside `plant` than it is taken for."""
-    responses = settled([o for o in observations if isinstance(o, FrfObservation)], plant)
-    ratios = [float(np.median(d / o.deviation)) for o, d in _told_beside(responses, plant)]
+    bare = settled([o for o in observations if isinstance(o, FrfObservation) and not _has_sigma(o.frf)], plant)
+    ratios = [float(np.median(d / bare[k].deviation)) for k, d in _told_beside(bare, plant).items()]
     return any(not 1 / _ANOTHER < r < _ANOTHER for r in ratios)
 
 

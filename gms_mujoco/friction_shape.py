@@ -252,13 +252,13 @@ def without_vanished(found: FitResult) -> FitResult:
 
 
 def spring_instead(now: FitResult) -> tuple[Misfit, Array] | None:
-    """The problem with a spring in the place of the elements of friction that slip in no record, and where to start;
-    None where all slip.
+    """The problem of a plant that has no spring with one in the place of the elements of friction that slip in no
+    record, and where to start; None where all slip.
 
     Such an element may hold another torque as each record begins, and has so stood for a spring in any number of them.
     """
     plant, observations = now.plant, now.misfit.observations
-    if "gms" not in plant or "spring" in plant:
+    if "gms" not in plant:
         return None
     stuck = stuck_within(plant["gms"], max(float(np.ptp(o.position)) for o in observations))
     if not stuck.any() or stuck.all():

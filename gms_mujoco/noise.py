@@ -17,12 +17,12 @@ from .native import Joint, Motion
 from .plant import Plant
 from .record import Record
 from .threads import each
+from .variances import likeliest
 
 Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
 _QUIETER = 0.25  # quantile over the records
-_UPDATES = 300
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -89,21 +89,14 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
 def _variances(shapes: Array, density: Array) -> Array:
     """(k,) variances of noises of known spectra (n, k) that together have density (n,), by Whittle's likelihood.
 
-    It weighs relative errors, so that the loud end does not rule. Its least is found by multiplicative updates, which
-    never overshoot (Fevotte and Idier, Neural Computation 23, 2011): weights taken from the last solution swing
-    between one noise and the other where friction is in the spectrum too.
+    It weighs relative errors, so that the loud end does not rule.
     """
     least = 1e-12 * float(density.max(initial=0.0))
     if not least > 0:
         return np.zeros(shapes.shape[1])
     density = np.maximum(density, least)
     scale = shapes.mean(0) / density.mean()
-    shapes = shapes / scale
-    variance = np.full(shapes.shape[1], 0.5)
-    for _ in range(_UPDATES):
-        power = shapes @ variance
-        variance = variance * np.sqrt(shapes.T @ (density / power**2) / (shapes.T @ (1 / power)))
-    return np.asarray(variance / scale)
+    return np.asarray(likeliest(shapes / scale, density, np.full(shapes.shape[1], 0.5)) / scale)
 
 
 def refine_noise(

@@ -72,7 +72,7 @@ def _part(search: Search, step: Step) -> Trial | None:
     While another was missing that is uneven over the place, a slope may have stood for it: at the noise floor none is.
     """
     last = search.steps[-1].result
-    known = _OFFSET in last.plant or _OFFSET in {*search.false, *search.without}
+    known = _OFFSET in last.plant or _OFFSET in search.barred
     if step.effect != _SPRING or known or not search.at_floor:
         return None
     bare, start = without(last, _SPRING)

@@ -318,14 +318,11 @@ class Search:
     def _general_laws(self, below: float = math.inf) -> list[Rough]:
         """A rough fit with each general law of friction in the place of those that it contains, above the noise floor:
         it is no small change of them, which a tangent would show; see `JointFits.roughly` for `below`."""
-        if self.at_floor or self.fits.simulated:
+        fits = self.fits
+        if self.at_floor or fits.simulated:
             return []
-        out = []
-        for plant in with_general_laws(self.steps[-1].result.plant):
-            name = plant.effects[0].name
-            if name not in {*self.false, *self.without}:
-                out.append((name, *from_the_data(plant, self.fits.few, below=below)))
-        return out
+        laws = with_general_laws(self.steps[-1].result.plant)
+        return [(n, *from_the_data(p, fits.few, below=below)) for n, p in laws.items() if n not in self.barred]
 
     def _beside_straight(self, below: float = math.inf) -> list[Rough]:
         """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
@@ -646,10 +643,14 @@ class Search:
         return [c for c in each(screen.candidate, todo) if c is not None]
 
     @property
+    def barred(self) -> set[str]:
+        """Names of effects that are not looked at: not asked for, or found false."""
+        return {*self.false, *self.without}
+
+    @property
     def _addable(self) -> list[type[Effect]]:
         """The effects that could be added to the current plant and have not been found false."""
-        left_out = {*self.false, *self.without}
-        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in left_out]
+        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.barred]
 
     @property
     def _straight(self) -> tuple[Plant, Plant] | None:

@@ -41,7 +41,7 @@ def test_general_laws_take_the_place_of_what_they_contain() -> None:
     bare, dry, cogging = Plant.axis(J), effects.Coulomb(coulomb=LEVEL), HIDDEN["cogging"]
     creeping = effects.Stribeck(coulomb=LEVEL, static=LEVEL, stribeck_velocity=1.0, creep_velocity=0.1)
     for plant in (bare, bare + dry, bare + dry + effects.Stribeck(), bare + effects.Frictionloss(coulomb=LEVEL)):
-        laws = with_general_laws(plant + cogging)
+        laws = list(with_general_laws(plant + cogging).values())
         assert [[e.name for e in p.effects] for p in laws] == [["gms", "cogging"], ["lugre", "cogging"]]
         assert all(p.effects[0].unset for p in laws) and laws[0]["gms"].elements > 1
     for law in (HEALTHY["gms"], effects.LuGre(), creeping):
