@@ -22,7 +22,7 @@ from .least_squares import nudge
 from .misfit import Misfit
 from .plant import Plant
 from .plays import from_other_contacts, looked_at
-from .refine import fit_to_end
+from .refine import CLOSE_TO_FLOOR, fit_to_end
 from .rough import begun, best_start, fewer
 from .scales import Scales
 from .screen import Candidate
@@ -171,15 +171,15 @@ class JointFits:
         return fit_to_end(Misfit(misfit.plant(x), self.seen), x, below=below)
 
     def whole(self, now: FitResult, misfit: Misfit, x: Array) -> FitResult:
-        """`best` of a rough joint fit taken to its end; above the noise floor, where that may stay, the one
-        from the beginning comes first and may spare it.
+        """`best` of a rough joint fit taken to its end; far above the noise floor the one from the beginning comes
+        first and may spare it.
 
         Args:
             now: the fit without the effect.
             misfit, x: the rough fit.
         """
         near = Misfit(misfit.plant(x), self.seen)
-        if left_of(near, x) <= AT_FLOOR**2 * floor_of(now):
+        if left_of(near, x) <= CLOSE_TO_FLOOR**2 * floor_of(now):
             return self.best(self.to_end(near, x))
         afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
         if afresh.is_near_floor:
