@@ -323,7 +323,7 @@ def _explains(cause: _Cause, now: FitResult, before: HeldOut, best: Trial) -> Hi
     seen = _records(now)
     torques = cause.torques(now)
     bands = np.concatenate([t.band(o) for t, o in zip(torques, seen, strict=True)])
-    strength, result, total = np.zeros(bands.shape[1]), now, math.inf
+    strength, result, total, hint = np.zeros(bands.shape[1]), now, math.inf, None
     for k in range(_ROUNDS if len(strength) else 0):
         if k:
             beside = [t.beside(o, strength) for t, o in zip(torques, seen, strict=True)]
@@ -345,5 +345,5 @@ def _explains(cause: _Cause, now: FitResult, before: HeldOut, best: Trial) -> Hi
         if much_less and p_value(best.held_out, left) <= FALSE_DISCOVERY_RATE:
             share = 100 * (1 - left.total / before.total)
             said = f"{cause.say(now, strength)}, explains more than any effect ({share:.0f} %)"
-            return Hint(said, cause.experiment, left.total)
-    return None
+            hint = Hint(said, cause.experiment, left.total)
+    return hint

@@ -504,14 +504,18 @@ def _unseen(comparison: Comparison | None, negligible: float) -> str:
 
 
 def _contradicted(steps: Sequence[Step], comparisons: Sequence[Comparison]) -> str:
-    """That new records leave clearly more with effects than without them, and what the user may do; else empty."""
+    """That new records leave clearly more with effects than without them, and what the user may do, or show nothing of
+    an effect; else empty."""
     if len(comparisons) < len(steps):
         return ""
     errors = [c.determined[0] for c in comparisons]
     best, floor = int(np.argmin(errors)), comparisons[-1].determined[1]
-    if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
-        return ""
     told = comparisons[-1].score.told
+    if errors[-1] <= max(_WORSE * errors[best], AT_FLOOR * floor):
+        idle = [k for k in range(1, len(errors)) if errors[k] > max(_CLOSER * errors[k - 1], AT_FLOOR * floor)]
+        said = (f"{steps[k].effect} ({told(comparisons[k - 1].error)} without it, {told(comparisons[k].error)} with it)"
+                for k in idle)
+        return f"The validate records show nothing of {' and of '.join(said)}" if idle else ""
     names = " and ".join(str(s.effect) for s in steps[best + 1 :])
     return (
         f"The validate records contradict {names}: {told(comparisons[-1].error)} of them would be left, "

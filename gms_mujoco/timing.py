@@ -19,6 +19,8 @@ _SLOW, _FAST = 0.2, 5e-6  # s; nobody controls a joint at longer samples, or sho
 _CLOCKS = {"ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
 _SLOWISH, _LONG = 0.03, 1200.0  # s; a step and a whole that are rather milliseconds read as seconds
 _EVEN = 0.02  # steps that differ by less than this part are even
+_ASTRAY = 2.0  # steps, over which stamps that belong to even rows are spread about them
+_ROUGHER = 4.0  # times the square of a position's third differences, where its stamps are not those of its rows
 
 
 def within(time: Array, span: Any) -> NDArray[np.bool_]:
@@ -88,8 +90,9 @@ def evenly(
     """Signals on an even time grid.
 
     Steps that differ by less than 2 % are left as they are. Stamps that are an even grid rounded to fewer digits
-    get the grid back. Anything else (jitter, dropped samples) is resampled at the median step: a torque that was
-    commanded holds its last value, the others are interpolated linearly.
+    get the grid back. So do stamps of a logger that came by late now and then, where the position is smooth over the
+    rows and rough over their stamps. Anything else (jitter, dropped samples) is resampled at the median step: a torque
+    that was commanded holds its last value, the others are interpolated linearly.
 
     Args:
         time: (n,) [s], strictly increasing.
@@ -110,6 +113,13 @@ def evenly(
         said = f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
         return time[0] + mean * np.arange(len(time)), dict(signals), said
     expect_whole(time)
+    if (rows := _of_rows(time, signals.get("position"))) is not None:
+        far, mean = float(np.abs(time - rows).max()), float(rows[1] - rows[0])
+        said = (
+            f"time stamps stray from even steps by up to {far:.2g} s, and the position is smooth over the rows and not "
+            f"over the stamps: read as even steps of {mean:.6g} s"
+        )
+        return rows, dict(signals), said
     h = float(np.median(step))
     worst = int(np.argmax(step))
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
@@ -122,6 +132,16 @@ def evenly(
         f"{step[worst]:.4g} s): resampled evenly, {'all' if sensed else 'torque held, the rest'} interpolated"
     )
     return even, resampled, note
+
+
+def _of_rows(time: Array, position: Array | None) -> Array | None:
+    """(n,) even times that rows were read at, whatever their stamps say; None where a position does not show that."""
+    rows = np.arange(len(time))
+    grid: Array = np.polynomial.Polynomial.fit(rows, time, 1)(rows)
+    if position is None or np.ptp(time - grid) > _ASTRAY * (grid[1] - grid[0]):
+        return None
+    by_rows, by_stamps = (float(np.sum(np.diff(x, 3) ** 2)) for x in (position, np.interp(grid, time, position)))
+    return grid if _ROUGHER * by_rows < by_stamps else None
 
 
 def expect_whole(time: Array) -> None:

@@ -1,11 +1,12 @@
 """What is in no catalogue and explains more than an effect that resembles it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, UNKNOWN, J, dataset, runs
+from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, runs
 from numpy.typing import NDArray
 
 from gms_mujoco import effects
@@ -21,6 +22,8 @@ from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.observe import observe
 from gms_mujoco.record import Record
 
+COGGING = effects.Cogging(harmonics=[13], amplitude=[0.2 * LEVEL], phase=[0.4])
+DRIFT = effects.ThermalDrift(amplitude=0.3, time_constant=1.0)
 ECCENTRIC = effects.EncoderEccentricity(amplitude=0.1, phase=0.7)
 SATURATED = effects.TorqueSaturation(limit=6 * LEVEL)
 
@@ -36,6 +39,29 @@ def _uneven(r: Record, share: float = 0.2, harmonic: int = 1) -> Record:
 def _weak(r: Record) -> Record:
     """The record of a drive that gives u / (1 + u / 50 L) where u is asked for, a fifth less at 12 levels L."""
     return _driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
+
+
+def _sagging(r: Record) -> Record:
+    """The record of a drive whose supply gives way, by a fifth at 1000 L W."""
+    power = np.maximum(r.torque * Observation(r, 100.0).velocity, 0)
+    return _driven(r, r.torque / (1 - 0.2 * power / (1000 * LEVEL)))
+
+
+def _growing(r: Record) -> Record:
+    """The record of an axis with 13 waves to a revolution that grow with the speed."""
+    o = Observation(r, 100.0)
+    return _driven(r, r.torque + 0.04 * LEVEL * np.abs(o.velocity) * np.sin(13 * o.position + 0.3))
+
+
+def _cooling() -> list[Record]:
+    """Records of an axis whose friction is a fifth less in the last."""
+    less = GMS.replace(coulomb=0.8 * GMS.coulomb, static=0.8 * GMS.static, stiffness=0.8 * np.asarray(GMS.stiffness))
+    return [*runs(HEALTHY)[:2], runs(HEALTHY.replace(less))[2]]
+
+
+def _fading(r: Record, share: float) -> Record:
+    """The record of a motor that gives so much less than is asked for."""
+    return _driven(r, r.torque / (1 - share))
 
 
 def _driven(r: Record, torque: NDArray[np.float64]) -> Record:
@@ -81,7 +107,33 @@ def test_a_torque_constant_that_falls_is_no_saturation() -> None:
     assert said.startswith("a torque constant that falls with the torque")
 
 
-@pytest.mark.parametrize("effect", [ECCENTRIC, SATURATED], ids=lambda e: e.name)
+def test_a_supply_that_sags_is_no_saturation() -> None:
+    said = _said(SATURATED, [_sagging(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque constant that falls with the power that is drawn")
+
+
+def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
+    records = [_fading(r, share) for r, share in zip(runs(HEALTHY), (0.0, 0.05, 0.1), strict=True)]
+    said = _said(DRIFT, records)
+    told = re.match(r"a torque constant that is another in each record, -(.*) % in (\S+) beside (\S+),", said)
+    assert told is not None
+    assert told.groups()[1:] == (records[2].name, records[0].name)
+    assert float(told[1]) == pytest.approx(10, abs=1.5)
+
+
+def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
+    records = _cooling()
+    said = _said(DRIFT, records)
+    assert said.startswith("friction that is another in each record, -")
+    assert f"in {records[2].name} beside {records[0].name}" in said
+
+
+def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
+    said = _said(COGGING, [_growing(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
+
+
+@pytest.mark.parametrize("effect", [COGGING, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
 def test_the_effect_itself_is_not_beaten(effect: Effect) -> None:
     assert not _said(effect, runs(HEALTHY + effect))
 

@@ -307,6 +307,18 @@ def test_dropped_samples_are_filled_torque_held(tmp_path: Path) -> None:
     assert record.torque[50] == record.torque[51] == RUN["torque"][49] and record.torque[52] == RUN["torque"][52]
 
 
+def test_rows_of_a_logger_that_comes_by_late_are_as_even_as_the_motion_says(tmp_path: Path) -> None:
+    """The same stamps, of rows that were read at even times and of such that were not."""
+    time = TIME + np.random.default_rng(0).uniform(-2e-4, 2e-4, N)
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{**RUN, "time": time})
+    assert np.abs(np.diff(runs.fit[0].time) - 1e-3).max() < 1e-5 and "stray from even steps by up to" in runs.notes[0]
+    assert np.array_equal(runs.fit[0].position, RUN["position"])
+    uneven = {"time": time, "torque": np.sin(40 * time), "position": 0.1 * np.cos(30 * time)}
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **uneven)
+    there = runs.fit[0]
+    assert "resampled" in runs.notes[0] and np.abs(there.position - 0.1 * np.cos(30 * there.time)).max() < 1e-4
+
+
 def test_long_gap_is_refused_with_its_time(tmp_path: Path) -> None:
     kept = np.delete(np.arange(N), np.arange(50, 90))
     for start in (0.0, 1.7e9):  # since 1970
@@ -376,7 +388,7 @@ def test_missing_column_lists_the_columns(tmp_path: Path) -> None:
 
 def test_the_count_of_an_encoder_outlives_resampling(tmp_path: Path) -> None:
     uneven = TIME + 3e-4 * (np.arange(N) % 3 == 1)
-    columns = {"time": uneven, "torque": RUN["torque"], "position": 1e-4 * np.round(RUN["position"] / 1e-4)}
+    columns = {"time": uneven, "torque": RUN["torque"], "position": 1e-4 * np.round(1e3 * np.cos(30 * uneven))}
     runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **columns)
     assert "resampled" in runs.notes[0] and runs.fit[0].resolution == pytest.approx(1e-4)
 
@@ -395,7 +407,7 @@ def test_a_current_in_rows_that_are_not_the_drive_s_is_read_and_not_held(tmp_pat
     text = "[axis]\ntorque_constant = 2\n" + RECORD + 'use = "fit"\n'
     uneven = TIME + 3e-4 * (np.arange(N) % 3 == 1)
     for time, sensed in ((TIME, False), (np.round(TIME, 4), False), (uneven, True)):
-        columns = {"time": time, "current": np.sin(40 * time), "position": RUN["position"]}
+        columns = {"time": time, "current": np.sin(40 * time), "position": 0.1 * np.cos(30 * time)}
         record = dataset(tmp_path, text, **columns).fit[0]
         assert record.sensed == sensed
         if sensed:

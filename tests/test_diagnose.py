@@ -229,6 +229,17 @@ def test_what_holds_for_the_fit_records_alone_is_said() -> None:
     assert d.steps[-1].validate_error > d.steps[0].validate_error > 2 * d.noise_floor
 
 
+def test_what_new_records_show_nothing_of_is_said() -> None:
+    """A rig that has lost half of its weight is as far from the gravity of the fit records as from none."""
+    gravity = HIDDEN["gravity"]
+    other = dataset(HEALTHY + gravity.replace(amplitude=gravity.values["amplitude"] / 2))
+    runs = dataset(HEALTHY + gravity)
+    d = diagnose(replace(runs, records=(*runs.fit, *other.validate)), UNKNOWN)
+    assert [e.name for e in d] == ["gravity"] and d.verdict == "partly_explained"
+    before, after = (d.score.told(s.validate_error) for s in d.steps)
+    assert f"The validate records show nothing of gravity ({before} without it, {after} with it)." in d.notes
+
+
 def test_validate_records_choose_nothing(found: dict[str, Diagnosis]) -> None:
     runs = dataset(HEALTHY + HIDDEN["cogging"])
     noise = np.random.default_rng(0).normal(0, LEVEL, 3000)

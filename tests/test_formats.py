@@ -161,6 +161,15 @@ def test_what_laboratories_write(text: str, encoding: str, tmp_path: Path) -> No
     assert "°" in name + table.units.get(name, "")
 
 
+@pytest.mark.parametrize(("bits", "form"), [(16, "0x{:04X}"), (32, "0x{:08x}"), (32, "0X{:X}")])
+def test_numbers_in_hexadecimal_are_signed_as_frames_of_a_bus_have_them(bits: int, form: str, tmp_path: Path) -> None:
+    torque = [-200, 5, 0, 32767, -1, -32768]
+    rows = [f"{k},{form.format(x % 2**bits)}" for k, x in enumerate(torque)]
+    path = tmp_path / "frames.csv"
+    path.write_text("\n".join(["time_ms,torque_6077h", *rows]) + "\n")
+    assert formats.read(path).columns["torque_6077h"].tolist() == torque
+
+
 def test_marks_between_thousands_are_no_decimal_commas(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"line 2: '0.5' has a point and '1,000' in line 2 a comma"):
         formats.read(csv(tmp_path, "f\tq\n1,000\t0.5\n2,000\t0.6\n"))

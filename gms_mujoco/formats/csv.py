@@ -1,7 +1,8 @@
 """Text tables: comma, semicolon, tab or blank separated, with or without a header line, plain or gzipped.
 
 Lines that start with # or % are comments; where no other line names the columns, the comment right above them may. A
-decimal comma is understood where it does not separate columns. Other lines before the header are left out, and a row
+decimal comma is understood where it does not separate columns, and whole numbers in hexadecimal of 16 or 32 bits, as
+frames of a bus have them, are signed. Other lines before the header are left out, and a row
 of units below it is read; so is a file that ends in the middle of a row, which is then without numbers. A few lines
 that each begin with a name and go on with numbers are columns laid on their side. A column of complex numbers
 ("1.5-2i") is two, "name.real" and "name.imag"; dates and times of day are seconds (see stamps.py), true and false 1
@@ -38,6 +39,8 @@ _FEW = 12  # lines at most of a table that lies on its side
 _NUMBER = re.compile(r"[+-]?\d*(,\d+)?([eE][+-]?\d+)?")  # with a decimal comma
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _GROUPED = re.compile(r"[+-]?\d{1,3}(([.]\d{3})+,\d+|(,\d{3})+[.]\d+|([\s']\d{3})+([.,]\d+)?)")  # 1.234,5
+_HEX = re.compile(r"0[xX][0-9a-fA-F]+")
+_BITS = {4: 16, 8: 32}  # of the longest number in a column, by its digits: 0xFFFFFF38 is -200
 _FORTRAN = re.compile(r"([\d.])[dD]([+-]?\d)")  # 1.5D-03
 Lines = list[tuple[int, str]]  # with the number of each in the file
 
@@ -99,8 +102,11 @@ def read(path: Path) -> Table:
     unusable: dict[str, str] = {}
     texts: dict[str, NDArray[np.str_]] = {}
     order: list[str] = []
-    for name in names:
+    first = _cells(samples[0][1], separator)
+    for i, name in enumerate(names):
         column, wrong = _numbers(table[name], comma)
+        if column is not None and _HEX.fullmatch(first[i]):
+            column = _signed(column, max(len(_cells(s, separator)[i]) for _, s in samples) - 2)
         if column is None:
             unusable[name] = _why(samples[wrong][0], str(table[name][wrong].as_py()))
             order.append(name)
@@ -304,6 +310,12 @@ def _complex(text: str) -> complex:
         return complex(plain)
     except ValueError:
         return complex(np.nan)
+
+
+def _signed(column: Array, digits: int) -> Array:
+    """Numbers of two's complement that were read as from 0 on, by the digits of the longest in hexadecimal."""
+    span = 2.0 ** _BITS.get(digits, np.inf)
+    return np.where(column >= span / 2, column - span, column)
 
 
 def _numbers(column: pa.ChunkedArray, comma: bool) -> tuple[NDArray[Any] | None, int]:
