@@ -1,4 +1,4 @@
-"""Causes beyond the catalogue, which an effect of it has to beat.
+"""What no effect of the catalogue is, and one that resembles it has to beat.
 
 What resembles a cause takes most of what it does. Where one that is no effect of the catalogue leaves much less than
 the best that is, that effect is not what is missing, however much it takes.
@@ -7,30 +7,24 @@ the best that is, that effect is not what is missing, however much it takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
-from .inverse import Observation, mean_torque, second_difference
+from .inverse import Observation
 from .judgement import FALSE_DISCOVERY_RATE, MUCH_LESS, Trial, floor_of
 from .linear_model import LinearModel
-from .place_spectrum import wave
+from .other_causes import CAUSES, Cause, Torques, records_of
 from .refine import refine
 from .tall import gram
 
 Array = NDArray[np.float64]
 
-_HARMONICS = np.arange(1, 5)  # of an inertia
 _ROUNDS = 3  # of strengths beside a fit, and the fit beside them
-_KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between which a torque constant goes in lines
-_SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
-_FEWEST_RECORDS = 3  # that tell one of them from the others
-_IN_WAVES = 0.05  # of the squared residual, that waves over the place have to carry to be asked for
 _LEAST, _MOST = 0.01, 0.95  # of what a cause takes from, that is missing somewhere
 
 
@@ -48,265 +42,6 @@ class Hint(NamedTuple):
     left: float = math.inf
 
 
-class _Torques(NamedTuple):
-    """What a cause with several strengths takes along a record, each at a strength of one.
-
-    Attributes:
-        inertia: (n, k) that is added to that of the axis [kg m^2].
-        torque: (n, k) beside what that takes [N m].
-    """
-
-    inertia: Array
-    torque: Array
-
-    def band(self, o: Observation) -> Array:
-        """(m, k) band-limited torque."""
-        pull = second_difference(o.record.position, o.record.sample_time)[:, None]
-        return o.band(self.inertia * pull + self.torque).T
-
-    def beside(self, o: Observation, strength: Array) -> Observation:
-        """The observation of an axis that the cause acts on, with some strengths (k,)."""
-        added = {"inertia_change": self.inertia @ strength, "rigid_torque": self.torque @ strength}
-        return o.with_signals({k: v + o.record.signals.get(k, 0.0) for k, v in added.items()})
-
-
-class _Cause(NamedTuple):
-    """A cause that no effect of the catalogue is.
-
-    Attributes:
-        kinds: of joints that it may be at work on.
-        torques: along observations, beside a fit to them; without strengths where they give no reason to ask for it.
-        missing: share of what it takes from (inertia, torque constant, friction, torque) that strengths (k,) take away
-            where they take most.
-        say: what they are, and how large, beside a fit.
-        experiment: that shows it.
-        drives: whether it is what the drive delivers less; see `Misfit.delivered`.
-    """
-
-    kinds: tuple[str, ...]
-    torques: Callable[[FitResult], list[_Torques]]
-    missing: Callable[[FitResult, Array], float]
-    say: Callable[[FitResult, Array], str]
-    experiment: str
-    drives: bool = False
-
-
-def _records(now: FitResult) -> list[Observation]:
-    return [o for o in now.misfit.observations if isinstance(o, Observation)]
-
-
-# ------------------------------------------------------------------------------- an inertia that varies over the place
-
-
-def _of_revolution(now: FitResult) -> list[_Torques]:
-    return [_along_revolution(o) for o in _records(now)]
-
-
-def _along_revolution(o: Observation) -> _Torques:
-    """d/dt of dL/dv less dL/dq for a kinetic energy J(q) v^2 / 2: J a + J' v^2 / 2."""
-    inertia = _waves(o.position)
-    cosines, sines = np.split(inertia, 2, 1)
-    slope = np.concatenate([-_HARMONICS * sines, _HARMONICS * cosines], 1)
-    return _Torques(inertia, slope * o.velocity[:, None] ** 2 / 2)
-
-
-def _waves(position: Array) -> Array:
-    """(n, k) cosine and then sine of each harmonic over positions (n,)."""
-    angles = np.multiply.outer(position, _HARMONICS)
-    return np.concatenate([np.cos(angles), np.sin(angles)], 1)
-
-
-def _turned(strength: Array) -> Array:
-    """(720,) inertia over a revolution that strengths of its harmonics add [kg m^2]."""
-    return _waves(np.linspace(0, 2 * np.pi, 720, endpoint=False)) @ strength
-
-
-def _say_inertia(now: FitResult, strength: Array) -> str:
-    size = np.hypot(*np.reshape(strength, (2, -1)))
-    swing = np.ptp(_turned(strength)) / 2 / now.plant.driven_inertia
-    return (f"an inertia that varies along the revolution, by {100 * swing:.2g} % to either side, most of it "
-            f"{_HARMONICS[int(np.argmax(size))]} to a revolution")  # fmt: skip
-
-
-# ------------------------------------------------------------------------------- a drive that delivers less
-
-
-def _of_torque(now: FitResult) -> list[_Torques]:
-    """What a drive gives less, whose torque constant changes with the torque that is asked for."""
-    seen = _records(now)
-    most = max(float(np.abs(o.record.torque).max()) for o in seen)
-
-    def one(o: Observation) -> _Torques:
-        u = o.record.torque
-        less = np.stack([mean_torque(o.record, u * np.minimum(np.abs(u) / most, knot)) for knot in _KNOTS], 1)
-        return _Torques(np.zeros_like(less), less)
-
-    return list(map(one, seen))
-
-
-def _fallen(strength: Array) -> float:
-    """Share of the torque constant that is gone at the largest torque."""
-    return float(strength @ _KNOTS)
-
-
-def _say_constant(now: FitResult, strength: Array) -> str:
-    fallen = _fallen(strength)
-    return (f"a torque constant that {'falls' if fallen > 0 else 'grows'} with the torque, by {100 * abs(fallen):.2g} "
-            "% up to the largest")  # fmt: skip
-
-
-def _of_power(now: FitResult) -> list[_Torques]:
-    """What a drive gives less, whose supply gives way to the power that is drawn, at once or late."""
-    seen = _records(now)
-    drawn = [_drawn(o) for o in seen]
-    most = max(float(p.max()) for p in drawn)
-
-    def one(o: Observation, power: Array) -> _Torques:
-        less = np.stack([mean_torque(o.record, o.record.torque * p / max(most, 1e-300)) for p in power.T], 1)
-        return _Torques(np.zeros_like(less), less)
-
-    return [one(o, p) for o, p in zip(seen, drawn, strict=True)]
-
-
-def _drawn(o: Observation) -> Array:
-    """(n, k) power that the motion takes from the drive, as a supply follows it in each of some times [W]."""
-    power, h = np.maximum(o.record.torque * o.velocity, 0.0), o.record.sample_time
-    shares = [1 - math.exp(-h / t) if t else 1.0 for t in _SAGS]
-    return np.stack([scipy.signal.lfilter([a], [1.0, a - 1.0], power) for a in shares], 1)
-
-
-def _sagged(now: FitResult, strength: Array) -> float:
-    """Share of the torque constant that is gone where most is, of either sign."""
-    drawn = [_drawn(o) for o in _records(now)]
-    gone = np.concatenate([p @ strength for p in drawn]) / max(float(p.max()) for p in drawn)
-    return float(gone[np.argmax(np.abs(gone))])
-
-
-def _say_sag(now: FitResult, strength: Array) -> str:
-    gone = _sagged(now, strength)
-    return (f"a torque constant that {'falls' if gone > 0 else 'grows'} with the power that is drawn, by "
-            f"{100 * abs(gone):.2g} % where most is")  # fmt: skip
-
-
-# ------------------------------------------------------------------------------- what is another in each record
-
-
-def _in_each(now: FitResult, torque: Callable[[Observation], Array]) -> list[_Torques]:
-    """A torque (n,) by a share of its own in each record after the first."""
-    seen = _records(now)
-    others = len(seen) - 1 if len(seen) >= _FEWEST_RECORDS else 0
-
-    def one(k: int, o: Observation) -> _Torques:
-        own = np.outer(torque(o), np.arange(1, others + 1) == k) if others else np.empty((len(o.record), 0))
-        return _Torques(np.zeros_like(own), own)
-
-    return [one(k, o) for k, o in enumerate(seen)]
-
-
-def _of_session(now: FitResult) -> list[_Torques]:
-    return _in_each(now, lambda o: mean_torque(o.record))
-
-
-def _of_warmth(now: FitResult) -> list[_Torques]:
-    inertia = now.plant.driven_inertia
-    return _in_each(now, lambda o: mean_torque(o.record) - inertia * second_difference(o.position, o.sample_time))
-
-
-def _apart(strength: Array) -> float:
-    """The largest difference between two records."""
-    return float(np.ptp(np.append(strength, 0.0)))
-
-
-def _say_apart(what: str, sign: float) -> Callable[[FitResult, Array], str]:
-    def say(now: FitResult, strength: Array) -> str:
-        share = sign * np.append(0.0, strength)
-        k = int(np.argmax(np.abs(share)))
-        first, most = (_records(now)[i].name for i in (0, k))
-        return f"{what} that is another in each record, {100 * share[k]:+.2g} % in {most} beside {first}"
-
-    return say
-
-
-# ------------------------------------------------------------------------------- waves that grow with the speed
-
-
-def _of_waves(now: FitResult) -> list[_Torques]:
-    """Waves over the place that grow with the velocity, or with the speed, of the period that carries most."""
-    number = _waves_in(now)
-
-    def one(o: Observation) -> _Torques:
-        if not number:
-            return _Torques(np.empty((len(o.record), 0)), np.empty((len(o.record), 0)))
-        v, angle = o.velocity, number * o.position
-        fast = np.stack([f * w(angle) for f in (v, np.abs(v)) for w in (np.cos, np.sin)], 1)
-        return _Torques(np.zeros_like(fast), fast)
-
-    return list(map(one, _records(now)))
-
-
-def _waves_in(now: FitResult) -> float:
-    """Waves in a radian or a metre; 0 where what is left has none."""
-    seen = _records(now)
-    left = now.misfit.residual(now.vector)
-    position, velocity = (np.concatenate([x[o.index] for o, x in ((o, getattr(o, name)) for o in seen)])
-                          for name in ("position", "velocity"))
-    period, share = max((wave(position, left, f) for f in (velocity, np.abs(velocity))), key=lambda w: w[1])
-    return 2 * math.pi / period if share > _IN_WAVES else 0.0
-
-
-def _at_most(now: FitResult, strength: Array) -> float:
-    """The torque of such waves at the highest speed [N m]."""
-    fastest = max(float(np.abs(o.velocity).max()) for o in _records(now))
-    return fastest * float(np.hypot(*np.reshape(strength, (2, 2)).T).sum())
-
-
-def _say_waves(now: FitResult, strength: Array) -> str:
-    number, hinge = _waves_in(now), now.plant.kind == "hinge"
-    many = f"{number:.3g} to a revolution" if hinge else f"one every {2 * math.pi / number:.3g} m"
-    return (f"a torque in waves over the place that grows with the speed, {many}, "
-            f"{_at_most(now, strength):.2g} {'N m' if hinge else 'N'} at the highest")  # fmt: skip
-
-
-def _delivered(seen: Sequence[Observation], torques: Sequence[_Torques], strength: Array) -> float:
-    """Share of the variance of the torque that is left without what is taken from it."""
-    asked = [o.record.torque for o in seen]
-    left = sum(np.var(u - t.torque @ strength) for u, t in zip(asked, torques, strict=True))
-    return float(np.clip(left / max(sum(map(np.var, asked)), 1e-300), 1e-9, 1.0))
-
-
-_CAUSES = (
-    _Cause(
-        ("hinge",), _of_revolution, lambda now, s: float(-_turned(s).min() / now.plant.driven_inertia), _say_inertia,
-        "The same short push, from rest, at several places of the revolution: where an inertia is larger the axis "
-        "comes to a lower speed.",
-    ),
-    _Cause(
-        ("hinge", "slide"), _of_torque, lambda now, s: abs(_fallen(s)), _say_constant,
-        "Known loads, as weights on a lever, held at rest over the whole range of the torque.",
-        drives=True,
-    ),
-    _Cause(
-        ("hinge", "slide"), _of_power, lambda now, s: abs(_sagged(now, s)), _say_sag,
-        "The voltage of the supply, logged beside the torque, while the axis speeds up as hard as it can.",
-        drives=True,
-    ),
-    _Cause(
-        ("hinge", "slide"), _of_session, lambda now, s: _apart(s), _say_apart("a torque constant", -1.0),
-        "The first record once more after the last, with the temperature of the motor logged beside both.",
-        drives=True,
-    ),
-    _Cause(
-        ("hinge", "slide"), _of_warmth, lambda now, s: _apart(s), _say_apart("friction", 1.0),
-        "The first record once more after the last, with the temperature of the bearing logged beside both.",
-    ),
-    _Cause(
-        ("hinge", "slide"), _of_waves,
-        lambda now, s: _at_most(now, s) / max(float(np.abs(o.record.torque).max()) for o in _records(now)), _say_waves,
-        "Constant speeds from slow to fast, each over several waves, in both directions: how high they are at each.",
-    ),
-)  # fmt: skip
-
-
 def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
     """What is in no catalogue and leaves much less than the best fit with an effect more; None where nothing does.
 
@@ -314,13 +49,13 @@ def beyond(now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
         now, before: a fit to records, and what it leaves of each block by a fit without it.
         best: with an effect more.
     """
-    hints = (_explains(cause, now, before, best) for cause in _CAUSES if now.plant.kind in cause.kinds)
+    hints = (_explains(cause, now, before, best) for cause in CAUSES if now.plant.kind in cause.kinds)
     return min((h for h in hints if h is not None), key=lambda h: h.left, default=None)
 
 
-def _explains(cause: _Cause, now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
+def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hint | None:
     """What is said of a cause that leaves much less than the best fit with an effect more; None where it does not."""
-    seen = _records(now)
+    seen = records_of(now)
     torques = cause.torques(now)
     bands = np.concatenate([t.band(o) for t, o in zip(torques, seen, strict=True)])
     strength, result, total, hint = np.zeros(bands.shape[1]), now, math.inf, None
@@ -347,3 +82,10 @@ def _explains(cause: _Cause, now: FitResult, before: HeldOut, best: Trial) -> Hi
             said = f"{cause.say(now, strength)}, explains more than any effect ({share:.0f} %)"
             hint = Hint(said, cause.experiment, left.total)
     return hint
+
+
+def _delivered(seen: Sequence[Observation], torques: Sequence[Torques], strength: Array) -> float:
+    """Share of the variance of the torque that is left without what is taken from it."""
+    asked = [o.record.torque for o in seen]
+    left = sum(np.var(u - t.torque @ strength) for u, t in zip(asked, torques, strict=True))
+    return float(np.clip(left / max(sum(map(np.var, asked)), 1e-300), 1e-9, 1.0))

@@ -28,7 +28,7 @@ LAYERS = [
     {"compare_servo", "rough"},
     {"servo_residuals"},
     {"held_out", "fit_result"},
-    {"linear_model", "refine"},
+    {"linear_model", "refine", "other_causes"},
     {"screen", "habits"},
     {"mjcf", "bam", "servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},
