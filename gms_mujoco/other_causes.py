@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,10 @@ _HARMONICS = np.arange(1, 5)  # of an inertia
 _KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between which a torque constant goes in lines
 _SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
 _FEWEST_RECORDS = 3  # that tell one of them from the others
-_IN_WAVES = 0.05  # of the squared residual, that waves over the place have to carry to be asked for
+_IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
+_FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
+_FINER = 8  # times finer than a record tells two frequencies apart
+_MOVES = 0.02  # of the square of the velocity, at the frequency of a torque that is not the motion's own
 
 
 class Torques(NamedTuple):
@@ -137,19 +140,24 @@ def _say_constant(now: FitResult, strength: Array) -> str:
 
 def _of_power(now: FitResult) -> list[Torques]:
     """What a drive gives less, whose supply gives way to the power that is drawn, at once or late."""
-    seen = records_of(now)
-    drawn = [_drawn(o) for o in seen]
-    most = max(float(p.max()) for p in drawn)
 
     def one(o: Observation, power: Array) -> Torques:
-        less = np.stack([mean_torque(o.record, o.record.torque * p / max(most, 1e-300)) for p in power.T], 1)
+        less = np.stack([mean_torque(o.record, o.record.torque * p) for p in power.T], 1)
         return Torques(np.zeros_like(less), less)
 
-    return [one(o, p) for o, p in zip(seen, drawn, strict=True)]
+    return [one(o, p) for o, p in zip(records_of(now), _drawn(now), strict=True)]
 
 
-def _drawn(o: Observation) -> Array:
-    """(n, k) power that the motion takes from the drive, as a supply follows it in each of some times [W]."""
+def _drawn(now: FitResult) -> list[Array]:
+    """(n, k) of each record: power that the motion takes from the drive, over the largest, as a supply follows it in
+    each of some times."""
+    followed = [_followed(o) for o in records_of(now)]
+    most = max(max(float(p.max()) for p in followed), 1e-300)
+    return [p / most for p in followed]
+
+
+def _followed(o: Observation) -> Array:
+    """(n, k) power of a record as a supply follows it [W]."""
     power, h = np.maximum(o.record.torque * o.velocity, 0.0), o.record.sample_time
     shares = [1 - math.exp(-h / t) if t else 1.0 for t in _SAGS]
     return np.stack([scipy.signal.lfilter([a], [1.0, a - 1.0], power) for a in shares], 1)
@@ -157,8 +165,7 @@ def _drawn(o: Observation) -> Array:
 
 def _sagged(now: FitResult, strength: Array) -> float:
     """Share of the torque constant that is gone where most is, of either sign."""
-    drawn = [_drawn(o) for o in records_of(now)]
-    gone = np.concatenate([p @ strength for p in drawn]) / max(float(p.max()) for p in drawn)
+    gone = np.concatenate([p @ strength for p in _drawn(now)])
     return float(gone[np.argmax(np.abs(gone))])
 
 
@@ -205,6 +212,56 @@ def _say_apart(what: str, sign: float) -> Callable[[FitResult, Array], str]:
         return f"{what} that is another in each record, {100 * share[k]:+.2g} % in {most} beside {first}"
 
     return say
+
+
+# ------------------------------------------------------------------------------- a torque that is periodic in time
+
+
+def _of_line(now: FitResult) -> list[Torques]:
+    """A sine in time, of its own phase in each record."""
+    seen, f = records_of(now), _line_in(now)
+
+    def one(k: int, o: Observation) -> Torques:
+        sines = np.zeros((len(o.record), 2 * len(seen) if f else 0))
+        if f:
+            angle = 2 * math.pi * f * o.record.time
+            sines[:, 2 * k], sines[:, 2 * k + 1] = np.cos(angle), np.sin(angle)
+        return Torques(np.zeros_like(sines), sines)
+
+    return [one(k, o) for k, o in enumerate(seen)]
+
+
+def _line_in(now: FitResult) -> float:
+    """Frequency of the sine in time that carries most of what is left [Hz]; 0 where it is little, or the motion's."""
+    seen = records_of(now)
+    left = np.split(now.misfit.residual(now.vector), now.misfit.splits)
+    least, most = _FEWEST_PERIODS / min(o.duration for o in seen), min(o.bandwidth for o in seen)
+    if least >= most:
+        return 0.0
+    f = np.arange(least, most, 1 / (_FINER * max(o.duration for o in seen)))
+
+    def carried(parts: Sequence[Array]) -> Array:
+        """(f,) share of the square."""
+        found = np.zeros(len(f))
+        for o, x in zip(seen, parts, strict=True):
+            n = scipy.fft.next_fast_len(_FINER * len(x), real=True)
+            found += np.interp(f, np.fft.rfftfreq(n, o.step), 2 * np.abs(np.fft.rfft(x, n)) ** 2 / len(x))
+        return found / max(sum(float(x @ x) for x in parts), 1e-300)
+
+    share = carried(left)
+    k = int(np.argmax(share))
+    moves = carried([o.velocity[o.index] for o in seen])[k]
+    return float(f[k]) if share[k] > _IN_WAVES and moves < _MOVES else 0.0
+
+
+def _height(strength: Array) -> float:
+    """Of the sine where it is highest [N m]."""
+    return float(np.hypot(*np.reshape(strength, (-1, 2)).T).max())
+
+
+def _say_line(now: FitResult, strength: Array) -> str:
+    unit = "N m" if now.plant.kind == "hinge" else "N"
+    return f"a torque that is periodic in time, at {_line_in(now):.3g} Hz, of up to {_height(strength):.2g} {unit}"
 
 
 # ------------------------------------------------------------------------------- waves that grow with the speed
@@ -271,6 +328,10 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_warmth, lambda now, s: _apart(s), _say_apart("friction", 1.0),
         "The first record once more after the last, with the temperature of the bearing logged beside both.",
+    ),
+    Cause(
+        ("hinge", "slide"), _of_line, lambda now, s: _height(s) / _most_asked(now), _say_line,
+        "The axis at rest with the drive on, and then off: what the torque and the position do by themselves.",
     ),
     Cause(
         ("hinge", "slide"), _of_waves, lambda now, s: _at_most(now, s) / _most_asked(now), _say_waves,

@@ -114,6 +114,14 @@ def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
     assert f"in {records[2].name} beside {records[0].name}" in said
 
 
+def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:
+    records = [_driven(r, r.torque + 0.3 * LEVEL * np.sin(2 * np.pi * 50 * r.time + k))
+               for k, r in enumerate(runs(HEALTHY))]  # fmt: skip
+    said = _said(COGGING, records)
+    told = re.match(r"a torque that is periodic in time, at 50 Hz, of up to (\S+) N m", said)
+    assert told is not None and float(told[1]) == pytest.approx(0.3 * LEVEL, rel=0.1)
+
+
 def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
     said = _said(COGGING, [_growing(r) for r in runs(HEALTHY)])
     assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
