@@ -37,7 +37,6 @@ Array = NDArray[np.float64]
 
 FINE = 8  # parts of a sample in which the drive's torque is followed
 _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are followed
-_QUIETER = 4.0  # times the torque of a record, that this is at most of where others have more
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
@@ -115,8 +114,6 @@ class Observation:
         early: whether the torque of a row may have acted at another instant than the record says: 1 for up to a sample
             before, or of one that was read up to half a sample either way, 2 for several samples before.
         asked: (n,) 0 for samples of which nothing is asked, else 1; None: found from the record, see `at_rest`.
-        usual: root mean square of the torque of all records that are looked at together, by which errors are judged
-            [N m]; 0: of this one.
     """
 
     record: Record
@@ -124,7 +121,6 @@ class Observation:
     cutoff: float = 0.0
     early: int = 0
     asked: Array | None = None
-    usual: float = 0.0
 
     has_memory = True  # what went before the first sample still acts
     skews = True  # nobody says that torque and position were read on one clock
@@ -571,8 +567,7 @@ class Observation:
 
     def _mean(self, joint: native.Joint, memory: Array | None, finer: float = 1.0) -> tuple[Array, Array]:
         r = self.record
-        usual = max(self._torque, min(self.usual, _QUIETER * self._torque))
-        tolerance = _STRAIGHT * usual / finer
+        tolerance = _STRAIGHT * self._torque / finer
         signals = r.get("load"), r.get("temperature")
         return joint.mean(r.time, self.position, self.velocity, *signals, memory, tolerance)
 

@@ -96,8 +96,7 @@ def observe(
     if records:
         fastest = 0.5 / min(r.sample_time for r in records)
         bandwidth = min(bandwidth or choose_bandwidth(records, inertia), fastest)
-        usual = _usual(records)
-        seen = [_through(r, bandwidth, usual) for r in records]
+        seen = [_through(r, bandwidth) for r in records]
         scale = _deviation(records, inertia, bandwidth) if frfs else None
     if not frfs:
         return seen
@@ -108,17 +107,13 @@ def _deviation(records: Sequence[Record], inertia: float | None, bandwidth: floa
     """Of the torque in records through a band: of the two parts of a complex number together [N m]."""
     h = float(np.mean([r.sample_time for r in records]))
     noise = estimate_noise(records, inertia or rough_inertia(records)).torque * math.sqrt(2 * h * bandwidth)
-    return max(noise, _LEAST_DEVIATION * _usual(records)) * math.sqrt(2)
+    usual = math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
+    return max(noise, _LEAST_DEVIATION * usual) * math.sqrt(2)
 
 
-def _usual(records: Sequence[Record]) -> float:
-    """Root mean square of the torque of records together, each of which counts as much [N m]."""
-    return math.sqrt(float(np.mean([np.mean(r.torque**2) for r in records])))
-
-
-def _through(record: Record, bandwidth: float, usual: float) -> Observation:
-    """A record through a band [Hz], beside others of a usual torque [N m]; DataError where it is too short for it."""
-    seen = Observation(record, bandwidth, usual=usual)
+def _through(record: Record, bandwidth: float) -> Observation:
+    """A record through a band [Hz]; DataError where it is too short for it."""
+    seen = Observation(record, bandwidth)
     if len(seen.index) < _FEWEST:
         long = record.time[-1] - record.time[0]
         raise DataError(f"{record.name}: {long:.3g} s in {len(record)} samples are too short "
