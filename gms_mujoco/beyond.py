@@ -57,9 +57,11 @@ def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hin
     """What is said of a cause that leaves much less than the best fit with an effect more; None where it does not."""
     seen = records_of(now)
     torques = cause.torques(now)
+    if not torques:
+        return None
     bands = np.concatenate([t.band(o) for t, o in zip(torques, seen, strict=True)])
-    strength, result, total, hint = np.zeros(bands.shape[1]), now, math.inf, None
-    for k in range(_ROUNDS if len(strength) else 0):
+    strength, result, total, told = np.zeros(bands.shape[1]), now, math.inf, None
+    for k in range(_ROUNDS):
         if k:
             beside = [t.beside(o, strength) for t, o in zip(torques, seen, strict=True)]
             result = refine(*now.misfit.onto(result.plant, result.vector, beside))
@@ -78,10 +80,13 @@ def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hin
         floor = min(floor_of(result), floor_of(best.result))
         much_less = left.total - floor < MUCH_LESS * (best.held_out.total - floor)
         if much_less and p_value(best.held_out, left) <= FALSE_DISCOVERY_RATE:
-            share = 100 * (1 - left.total / before.total)
-            said = f"{cause.say(now, strength)}, explains more than any effect ({share:.0f} %)"
-            hint = Hint(said, cause.experiment, left.total)
-    return hint
+            told = strength, total
+    if told is None:
+        return None
+    strength, total = told
+    share = 100 * (1 - total / before.total)
+    said = f"{cause.say(now, strength)}, explains more than any effect ({share:.0f} %)"
+    return Hint(said, cause.experiment, total)
 
 
 def _delivered(seen: Sequence[Observation], torques: Sequence[Torques], strength: Array) -> float:

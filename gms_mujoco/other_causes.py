@@ -48,12 +48,17 @@ class Torques(NamedTuple):
         return o.with_signals({k: v + o.record.signals.get(k, 0.0) for k, v in added.items()})
 
 
+def _taking(torque: Array) -> Torques:
+    """What a cause takes along a record (n, k) that leaves the inertia as it is."""
+    return Torques(np.zeros_like(torque), torque)
+
+
 class Cause(NamedTuple):
     """A cause that no effect of the catalogue is.
 
     Attributes:
         kinds: of joints that it may be at work on.
-        torques: along observations, beside a fit to them; without strengths where they give no reason to ask for it.
+        torques: along observations, beside a fit to them; none where they give no reason to ask for it.
         missing: share of what it takes from (inertia, torque constant, friction, torque) that strengths (k,) take away
             where they take most.
         say: what they are, and how large, beside a fit.
@@ -117,7 +122,7 @@ def _of_torque(now: FitResult) -> list[Torques]:
     def one(o: Observation) -> Torques:
         u = o.record.torque
         less = np.stack([mean_torque(o.record, u * np.minimum(np.abs(u) / most, knot)) for knot in _KNOTS], 1)
-        return Torques(np.zeros_like(less), less)
+        return _taking(less)
 
     return list(map(one, records_of(now)))
 
@@ -143,7 +148,7 @@ def _of_power(now: FitResult) -> list[Torques]:
 
     def one(o: Observation, power: Array) -> Torques:
         less = np.stack([mean_torque(o.record, o.record.torque * p) for p in power.T], 1)
-        return Torques(np.zeros_like(less), less)
+        return _taking(less)
 
     return [one(o, p) for o, p in zip(records_of(now), _drawn(now), strict=True)]
 
@@ -181,13 +186,9 @@ def _say_sag(now: FitResult, strength: Array) -> str:
 def _in_each(now: FitResult, torque: Callable[[Observation], Array]) -> list[Torques]:
     """A torque (n,) by a share of its own in each record after the first."""
     seen = records_of(now)
-    others = len(seen) - 1 if len(seen) >= _FEWEST_RECORDS else 0
-
-    def one(k: int, o: Observation) -> Torques:
-        own = np.outer(torque(o), np.arange(1, others + 1) == k) if others else np.empty((len(o.record), 0))
-        return Torques(np.zeros_like(own), own)
-
-    return [one(k, o) for k, o in enumerate(seen)]
+    if len(seen) < _FEWEST_RECORDS:
+        return []
+    return [_taking(np.outer(torque(o), np.arange(1, len(seen)) == k)) for k, o in enumerate(seen)]
 
 
 def _of_session(now: FitResult) -> list[Torques]:
@@ -222,13 +223,11 @@ def _of_line(now: FitResult) -> list[Torques]:
     seen, f = records_of(now), _line_in(now)
 
     def one(k: int, o: Observation) -> Torques:
-        sines = np.zeros((len(o.record), 2 * len(seen) if f else 0))
-        if f:
-            angle = 2 * math.pi * f * o.record.time
-            sines[:, 2 * k], sines[:, 2 * k + 1] = np.cos(angle), np.sin(angle)
-        return Torques(np.zeros_like(sines), sines)
+        angle, sines = 2 * math.pi * f * o.record.time, np.zeros((len(o.record), 2 * len(seen)))
+        sines[:, 2 * k], sines[:, 2 * k + 1] = np.cos(angle), np.sin(angle)
+        return _taking(sines)
 
-    return [one(k, o) for k, o in enumerate(seen)]
+    return [one(k, o) for k, o in enumerate(seen)] if f else []
 
 
 def _line_in(now: FitResult) -> float:
@@ -272,13 +271,10 @@ def _of_waves(now: FitResult) -> list[Torques]:
     number = _waves_in(now)
 
     def one(o: Observation) -> Torques:
-        if not number:
-            return Torques(np.empty((len(o.record), 0)), np.empty((len(o.record), 0)))
         v, angle = o.velocity, number * o.position
-        fast = np.stack([f * w(angle) for f in (v, np.abs(v)) for w in (np.cos, np.sin)], 1)
-        return Torques(np.zeros_like(fast), fast)
+        return _taking(np.stack([f * w(angle) for f in (v, np.abs(v)) for w in (np.cos, np.sin)], 1))
 
-    return list(map(one, records_of(now)))
+    return list(map(one, records_of(now))) if number else []
 
 
 def _waves_in(now: FitResult) -> float:
