@@ -2,7 +2,7 @@
 
     python benchmarks/hidden_effects.py [--cases N] [--seed FIRST] [--kinds single,healthy,invented,pairs]
         [--effects cogging,...] [--strengths 0.05,0.12,0.3] [--noise DB] [--seconds S] [--rates 1000,2000,4000]
-        [--inertia FACTOR]
+        [--inertia FACTOR] [--workers N]
 
 Every case is a new axis (`bench_axes.py`): inertia over three decades, friction level, pre-sliding stiffness, encoder
 of 12 to 20 bit, 1 to 4 kHz, noise 20 to 60 dB below the torque, its own choice of runs. The truth comes from MuJoCo's
@@ -17,6 +17,10 @@ are done; the tables at the end, also after Ctrl-C. Seeds below 1000 were used w
 from __future__ import annotations
 
 import argparse
+import functools
+import multiprocessing
+import os
+import signal
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -110,6 +114,21 @@ def cases(options: argparse.Namespace) -> Iterator[Case]:
                 seed += 1
 
 
+def left_to_the_parent() -> None:
+    """Ctrl-C reaches a worker too, and is not for it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def solved(options: argparse.Namespace) -> Iterator[Outcome]:
+    """The outcomes, as they come: with several workers not in the order of the cases."""
+    if options.workers == 1:
+        yield from (solve(case, options) for case in cases(options))
+        return
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "GMS_MUJOCO_THREADS": "1"}  # of the workers to come
+    with multiprocessing.get_context("spawn").Pool(options.workers, left_to_the_parent) as pool:
+        yield from pool.imap_unordered(functools.partial(solve, options=options), cases(options))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 
@@ -129,13 +148,14 @@ def main() -> None:
         help="times the true one that every axis is said to have; default: for half of them the true one is given",
     )
     parser.add_argument("--healthy", type=int, default=5, help="healthy axes per round and strength")
+    parser.add_argument("--workers", type=int, default=1, help="processes, of one thread each if they are several")
     options = parser.parse_args()
     done: list[Outcome] = []
     print(HEAD)
     try:
-        for case in cases(options):
-            done.append(solve(case, options))
-            print(done[-1], flush=True)
+        for outcome in solved(options):
+            done.append(outcome)
+            print(outcome, flush=True)
     except KeyboardInterrupt:
         pass
     print("\n" + tables(done))
