@@ -7,7 +7,6 @@ the best that is, that effect is not what is missing, however much it takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +14,9 @@ from numpy.typing import NDArray
 
 from .fit_result import FitResult
 from .held_out import HeldOut, p_value
-from .inverse import Observation
 from .judgement import FALSE_DISCOVERY_RATE, MUCH_LESS, Trial, floor_of
 from .linear_model import LinearModel
-from .other_causes import CAUSES, Cause, Torques, records_of
+from .other_causes import CAUSES, Cause, records_of
 from .refine import refine
 from .tall import gram
 
@@ -26,6 +24,7 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 3  # of strengths beside a fit, and the fit beside them
 _LEAST, _MOST = 0.01, 0.95  # of what a cause takes from, that is missing somewhere
+_LITTLE = 1e-4  # of it, that is left in a record
 
 
 class Hint(NamedTuple):
@@ -72,8 +71,8 @@ def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hin
         strength = strength + np.linalg.lstsq(gram(free, free), gram(free, model.target))[0]
         if not _LEAST < cause.missing(now, strength) < _MOST:
             break
-        delivered = misfit.delivered(x) * (_delivered(seen, torques, strength) if cause.drives else 1.0)
-        left = HeldOut(model.held_out(columns) / math.sqrt(delivered), seen)
+        share = np.repeat(np.maximum(cause.left(now, strength), _LITTLE), [len(o.index) for o in seen])
+        left = HeldOut(model.held_out(columns) / (math.sqrt(misfit.delivered(x)) * share), seen)
         if left.total > min(best.held_out.total, total):
             break
         total = left.total
@@ -87,10 +86,3 @@ def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hin
     share = 100 * (1 - total / before.total)
     said = f"{cause.say(now, strength)}, explains more than any effect ({share:.0f} %)"
     return Hint(said, cause.experiment, total)
-
-
-def _delivered(seen: Sequence[Observation], torques: Sequence[Torques], strength: Array) -> float:
-    """Share of the variance of the torque that is left without what is taken from it."""
-    asked = [o.record.torque for o in seen]
-    left = sum(np.var(u - t.torque @ strength) for u, t in zip(asked, torques, strict=True))
-    return float(np.clip(left / max(sum(map(np.var, asked)), 1e-300), 1e-9, 1.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ from .whitened import Whitened
 Array = NDArray[np.float64]
 
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
+_LOUD = 0.05  # of the torque
+_PASSED_ON = 4.0  # times the noise floor of the mass alone: no friction but one that is too stiff makes so much of it
 
 
 @dataclass(frozen=True)
@@ -70,8 +73,24 @@ class FitResult:
 
     @property
     def is_near_floor(self) -> bool:
-        """Whether no more than that is left."""
-        return self.misfit.cost(self.vector) <= self.nearly_noise
+        """Whether no more than that is left, and the noise says so."""
+        return self.misfit.cost(self.vector) <= self.nearly_noise and not self.rattles
+
+    @cached_property
+    def rattles(self) -> bool:
+        """Whether the noise floor is loud, and friction makes nearly all of it of little noise.
+
+        Friction that is far stiffer than that of the axis may turn over at every count of the encoder, and claims what
+        it leaves for noise, whatever the axis lacks. Such a floor is no reason to look no further.
+        """
+        if self.score.of != "torque" or self.floor <= _LOUD:
+            return False
+        assert self.plant.inertia is not None
+        observations, alone = self.misfit.observations, Plant.axis(self.plant.inertia)
+        drawn = list(zip(observations, np.random.default_rng(0).spawn(len(observations)), strict=True))
+        rows = each(lambda t: floor_residual(t[0], alone, None, self.noise, t[1]), drawn)
+        applied = [o.applied(self.plant) for o in observations]
+        return self.floor > _PASSED_ON * self.score.pooled(rows, applied)
 
     @property
     def habit(self) -> str:

@@ -60,7 +60,8 @@ def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     seen = without_rests(misfit.observations)
     # Beside a refit what falls has to be what stood there: fewer rows let a plant bend to what passes on less noise.
     stays = result_of(*misfit.onto(found.plant, x, seen, fixed)).error > _STOOD_THERE * found.error
-    return None if stays or refine(*_onto(seen, found, fixed)).error > _SHARPER * found.error else seen
+    enough = _STOOD_THERE if found.rattles else _SHARPER
+    return None if stays or refine(*_onto(seen, found, fixed)).error > enough * found.error else seen
 
 
 def _rests_press(misfit: Misfit, x: Array) -> bool:

@@ -163,8 +163,9 @@ def least_fall(before: float, floor: float, share: float = LEAST_SHARE) -> float
 
 
 def at_floor(result: FitResult, held_out: HeldOut, times: float = AT_FLOOR) -> bool:
-    """Whether what a fit leaves on held-out blocks is as good as noise, or at most so many times its floor."""
-    return bool(held_out.total <= times**2 * floor_of(result))
+    """Whether what a fit leaves on held-out blocks is as good as noise, or at most so many times its floor, which says
+    something; see `FitResult.rattles`."""
+    return bool(held_out.total <= times**2 * floor_of(result)) and not result.rattles
 
 
 def is_worth_it(

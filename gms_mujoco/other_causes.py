@@ -63,7 +63,8 @@ class Cause(NamedTuple):
             where they take most.
         say: what they are, and how large, beside a fit.
         experiment: that shows it.
-        drives: whether it is what the drive delivers less; see `Misfit.delivered`.
+        taken_from: torque (n,) along an observation, of which it takes a share, beside a fit; None where it takes from
+            nothing that was measured.
     """
 
     kinds: tuple[str, ...]
@@ -71,7 +72,21 @@ class Cause(NamedTuple):
     missing: Callable[[FitResult, Array], float]
     say: Callable[[FitResult, Array], str]
     experiment: str
-    drives: bool = False
+    taken_from: Callable[[FitResult, Observation], Array] | None = None
+
+
+    def left(self, now: FitResult, strength: Array) -> list[float]:
+        """What strengths leave of the torque that they take a share of, in each record: root mean square over that
+        before.
+
+        Of a torque with less of everything in it, anything leaves less.
+        """
+        seen = records_of(now)
+        if self.taken_from is None:
+            return [1.0] * len(seen)
+        before = [self.taken_from(now, o) for o in seen]
+        after = [b - t.torque @ strength for b, t in zip(before, self.torques(now), strict=True)]
+        return [float(np.std(a) / max(np.std(b), 1e-300)) for a, b in zip(after, before, strict=True)]
 
 
 def records_of(now: FitResult) -> list[Observation]:
@@ -183,21 +198,23 @@ def _say_sag(now: FitResult, strength: Array) -> str:
 # ------------------------------------------------------------------------------- what is another in each record
 
 
-def _in_each(now: FitResult, torque: Callable[[Observation], Array]) -> list[Torques]:
+def _in_each(torque: Callable[[FitResult, Observation], Array]) -> Callable[[FitResult], list[Torques]]:
     """A torque (n,) by a share of its own in each record after the first."""
-    seen = records_of(now)
-    if len(seen) < _FEWEST_RECORDS:
-        return []
-    return [_taking(np.outer(torque(o), np.arange(1, len(seen)) == k)) for k, o in enumerate(seen)]
+    def torques(now: FitResult) -> list[Torques]:
+        seen = records_of(now)
+        if len(seen) < _FEWEST_RECORDS:
+            return []
+        return [_taking(np.outer(torque(now, o), np.arange(1, len(seen)) == k)) for k, o in enumerate(seen)]
+
+    return torques
 
 
-def _of_session(now: FitResult) -> list[Torques]:
-    return _in_each(now, lambda o: mean_torque(o.record))
+def _asked_for(now: FitResult, o: Observation) -> Array:
+    return mean_torque(o.record)
 
 
-def _of_warmth(now: FitResult) -> list[Torques]:
-    inertia = now.plant.driven_inertia
-    return _in_each(now, lambda o: mean_torque(o.record) - inertia * second_difference(o.position, o.sample_time))
+def _of_friction(now: FitResult, o: Observation) -> Array:
+    return mean_torque(o.record) - now.plant.driven_inertia * second_difference(o.position, o.sample_time)
 
 
 def _apart(strength: Array) -> float:
@@ -205,9 +222,9 @@ def _apart(strength: Array) -> float:
     return float(np.ptp(np.append(strength, 0.0)))
 
 
-def _say_apart(what: str, sign: float) -> Callable[[FitResult, Array], str]:
+def _say_apart(what: str, change: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
     def say(now: FitResult, strength: Array) -> str:
-        share = sign * np.append(0.0, strength)
+        share = change(np.append(0.0, strength))
         k = int(np.argmax(np.abs(share)))
         first, most = (records_of(now)[i].name for i in (0, k))
         return f"{what} that is another in each record, {100 * share[k]:+.2g} % in {most} beside {first}"
@@ -309,21 +326,24 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_torque, lambda now, s: abs(_fallen(s)), _say_constant,
         "Known loads, as weights on a lever, held at rest over the whole range of the torque.",
-        drives=True,
+        taken_from=_asked_for,
     ),
     Cause(
         ("hinge", "slide"), _of_power, lambda now, s: abs(_sagged(now, s)), _say_sag,
         "The voltage of the supply, logged beside the torque, while the axis speeds up as hard as it can.",
-        drives=True,
+        taken_from=_asked_for,
     ),
     Cause(
-        ("hinge", "slide"), _of_session, lambda now, s: _apart(s), _say_apart("a torque constant", -1.0),
+        ("hinge", "slide"), _in_each(_asked_for), lambda now, s: _apart(s),
+        _say_apart("a torque constant", lambda taken: -taken),
         "The first record once more after the last, with the temperature of the motor logged beside both.",
-        drives=True,
+        taken_from=_asked_for,
     ),
     Cause(
-        ("hinge", "slide"), _of_warmth, lambda now, s: _apart(s), _say_apart("friction", 1.0),
+        ("hinge", "slide"), _in_each(_of_friction), lambda now, s: _apart(s),
+        _say_apart("friction", lambda taken: taken / (1 - taken)),  # without its share it is that of the first
         "The first record once more after the last, with the temperature of the bearing logged beside both.",
+        taken_from=_of_friction,
     ),
     Cause(
         ("hinge", "slide"), _of_line, lambda now, s: _height(s) / _most_asked(now), _say_line,
