@@ -12,7 +12,7 @@ import numpy as np
 from .effect import Effect
 from .fit import fit_observations, from_the_data
 from .fit_result import FitResult, result_of
-from .friction_shape import BENDS, elastic_bristle, fading_damping
+from .friction_shape import BENDS, OF_REVERSALS, elastic_bristle, fading_damping, other_curve
 from .held_out import HeldOut, p_value
 from .judgement import (
     AT_FLOOR,
@@ -32,10 +32,10 @@ from .starts import to_identify
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
-# but for a `stribeck` with a creep velocity: that gives way below its level at once, and remembers nothing. So does
-# `frictionloss`, which MuJoCo has and no bearing.
+# but for a `dahl` with another exponent than 1, and a `stribeck` with a creep velocity: that gives way below its level
+# at once, and remembers nothing. So does `frictionloss`, which MuJoCo has and no bearing.
 LAWS: dict[str, dict[str, float]] = {
-    "gms": {}, "lugre": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
+    "gms": {}, "lugre": {}, "dahl": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
 }  # fmt: skip
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
@@ -108,8 +108,9 @@ class FrictionLaw:
                 continue
             result = result_of(misfit, x)
             # A bristle that bends, or whose damping fades, is no step further: without it a fit ends in another place.
+            # Nor is the exponent by which friction turns round.
             bends = elastic_bristle(result, cross_validated(result.misfit, result.vector))
-            result, held_out = fading_damping(*bends)
+            result, held_out = other_curve(*fading_damping(*bends), OF_REVERSALS)
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.

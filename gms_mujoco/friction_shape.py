@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 # Parameters of a law that no fit frees unasked.
 _EXPONENTS = ("stribeck_exponent", "exponent")  # of the curve over speed; of that over the way after a reversal
+OF_REVERSALS = _EXPONENTS[1:]
 SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
@@ -46,7 +47,9 @@ _AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
-def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+def other_curve(
+    now: FitResult, left: HeldOut, exponents: Sequence[str] = _EXPONENTS
+) -> tuple[FitResult, HeldOut]:
     """A fit with another exponent of the curve of friction, which else no fit frees; the same where none takes a good
     part of what is left.
 
@@ -56,9 +59,10 @@ def other_curve(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
+        exponents: names of those that are looked for.
     """
     usual = Scales.of(now.misfit.observations)["rad/s"]
-    for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e))]:
+    for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e)) in exponents]:
         for velocity in _VELOCITIES if exponent == "stribeck_exponent" else (None,):
             if at_floor(now, left, _NEARLY_NOISE):
                 break
