@@ -110,8 +110,17 @@ def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
 def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
     records = _cooling()
     said = _said(DRIFT, records)
-    assert said.startswith("friction that is another in each record, -")
-    assert f"in {records[2].name} beside {records[0].name}" in said
+    told = re.match(r"friction that is another in each record, (\S+) % in (\S+) beside (\S+),", said)
+    assert told is not None
+    assert told.groups()[1:] == (records[2].name, records[0].name)
+    assert float(told[1]) == pytest.approx(-20, abs=3)
+
+
+@pytest.mark.parametrize("effect", [DRIFT, COGGING], ids=lambda e: e.name)
+def test_all_friction_taken_from_the_records_but_one_explains_nothing(effect: Effect) -> None:
+    """Whatever is left of so little torque is little too."""
+    lacking = effects.Gravity(amplitude=0.5 * LEVEL, phase=0.3)
+    assert not _said(effect, runs(HEALTHY + lacking))
 
 
 def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:

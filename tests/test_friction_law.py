@@ -48,9 +48,9 @@ def found() -> dict[str, Diagnosis]:
 
 def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
     own, *others = choices(HEALTHY)
-    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "stribeck", "frictionloss"]
-    assert all(e.unset for e in others) and "creep_velocity" in others[1].unset
-    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "stribeck", "frictionloss"]
+    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "dahl", "stribeck", "frictionloss"]
+    assert all(e.unset for e in others) and "creep_velocity" in others[2].unset
+    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "dahl", "stribeck", "frictionloss"]
     assert not choices(Plant.axis(J) + effects.Coulomb(coulomb=LEVEL)) and not choices(HEALTHY + BRISTLE["lugre"])
 
 
@@ -68,6 +68,13 @@ def test_one_bristle_is_found_from_nothing_on_axes_of_any_size(size: float) -> N
     for name, value in TRUE.items():
         expected = value if name == "stribeck_velocity" else size * value
         assert plant["lugre"].values[name] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_bristle_that_turns_round_by_another_exponent_is_healthy() -> None:
+    """Neither elements nor one bristle of `lugre` bend like it."""
+    d = diagnose(dataset(Plant.axis(J) + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=1.6), SECONDS))
+    assert d.verdict == "adequate" and not d.found and "dahl describes the friction" in d.steps[0].evidence
+    assert d.plant["dahl"].values["exponent"] == pytest.approx(1.6, abs=0.05)
 
 
 def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
