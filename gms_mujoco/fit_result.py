@@ -90,7 +90,7 @@ class FitResult:
         drawn = list(zip(observations, np.random.default_rng(0).spawn(len(observations)), strict=True))
         rows = each(lambda t: floor_residual(t[0], alone, None, self.noise, t[1]), drawn)
         applied = [o.applied(self.plant) for o in observations]
-        return self.floor > _PASSED_ON * self.score.pooled(rows, applied)
+        return bool(self.floor > _PASSED_ON * self.score.pooled(rows, applied))
 
     @property
     def habit(self) -> str:

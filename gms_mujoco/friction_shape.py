@@ -62,7 +62,7 @@ def other_curve(
         exponents: names of those that are looked for.
     """
     usual = Scales.of(now.misfit.observations)["rad/s"]
-    for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e)) in exponents]:
+    for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e)) and x in exponents]:
         for velocity in _VELOCITIES if exponent == "stribeck_exponent" else (None,):
             if at_floor(now, left, _NEARLY_NOISE):
                 break

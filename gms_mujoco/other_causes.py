@@ -86,7 +86,7 @@ class Cause(NamedTuple):
             return [1.0] * len(seen)
         before = [self.taken_from(now, o) for o in seen]
         after = [b - t.torque @ strength for b, t in zip(before, self.torques(now), strict=True)]
-        return [float(np.std(a) / max(np.std(b), 1e-300)) for a, b in zip(after, before, strict=True)]
+        return [float(np.std(a)) / max(float(np.std(b)), 1e-300) for a, b in zip(after, before, strict=True)]
 
 
 def records_of(now: FitResult) -> list[Observation]:
