@@ -12,6 +12,7 @@ from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
 _MOST_RIVALS = 2
+_BEHIND = 4.0  # times the squared error of a search with no more effects: one that leaves more does not catch up
 _SAME = 0.01  # relative difference of errors that a fit leaves of its own
 
 
@@ -42,9 +43,10 @@ def searched(search: Search, free: bool, report: Progress, instead_of: Search | 
 def _to_its_end(
     search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS, before_it: Sequence[Search] = ()
 ) -> None:
-    """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been."""
+    """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been or
+    is far ahead."""
     for k in range(MOST_ROUNDS):
-        if any(_has_been(other, search.steps[-1]) for other in before_it):
+        if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
             return
         law = friction.better()
         if law is not None and law.clear:
@@ -105,6 +107,12 @@ def _names(step: Step) -> set[str]:
 def _has_been(search: Search, step: Step) -> bool:
     """Whether a search has come through a fit of the same effects that leaves as much: it goes on from there alike."""
     return any(_names(s) == _names(step) and abs(s.result.error / step.result.error - 1) < _SAME for s in search.steps)
+
+
+def _is_ahead(other: Search, search: Search) -> bool:
+    """Whether a search has ended with no more effects than another has by now, and leaves much less."""
+    left, least = (s.steps[-1].result.error ** 2 for s in (search, other))
+    return len(other.steps) <= len(search.steps) and left > _BEHIND * least
 
 
 def best(searches: Sequence[Search]) -> int:

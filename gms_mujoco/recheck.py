@@ -26,6 +26,7 @@ from .tall import gram
 
 Array = NDArray[np.float64]
 
+_FAR = 4.0  # times the squared error of a fit: one that leaves more, with all else in place, is not as good afresh
 MOST_SCATTER = 0.4  # of an effect around its own prediction, relative to its size: more is not the effect
 _SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
 _LEANS, _HARDLY = ("stiffness", "preload"), 0.3  # of the preload, that a spring changes by over the range
@@ -99,19 +100,22 @@ def _simpler(trial: Trial, step: Step, before: Step) -> bool:
 
 def _instead(search: Search, name: str, other: Trial) -> Trial:
     """The last fit with another effect in the place of one that it has; without that one, if it has the other too."""
-    bare, start = without(search.steps[-1].result, name)
+    last = search.steps[-1].result
+    bare, start = without(last, name)
     plants = [bare.coordinates.template]
     if other.name not in plants[0]:
         effect = other.result.plant[other.name]
         plants = [plants[0] + effect.replace(**form) for form in forms(effect, plants[0])]
 
+    most = _FAR * last.misfit.cost(last.vector)
+
     def fitted(plant: Plant) -> FitResult:
         misfit = Misfit(plant, bare.observations)
-        return refine(misfit, misfit.vector(plant, bare.memories(start, misfit.n_memory)))
+        return refine(misfit, misfit.vector(plant, bare.memories(start, misfit.n_memory)), below=most)
 
     result = min(map(fitted, plants), key=lambda r: r.error)
     if {e.name for e in result.plant.effects} != {e.name for e in other.result.plant.effects}:
-        result = search.fits.best(result)
+        result = search.fits.best(result) if result.misfit.cost(result.vector) < most else result
     elif other.result.error <= result.error:
         return other
     return Trial(other.name, result, cross_validated(result.misfit, result.vector))
