@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .friction_law import FrictionLaw
-from .judgement import Trial, leaves_much_less, simplest
+from .judgement import Trial, floor_of, leaves_much_less, left_of, simplest, takes
 from .progress import Progress, part, silent
 from .recheck import drop_false, drop_late, drop_ripple, drop_series, exchange
+from .refine import CLOSE_TO_FLOOR
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
@@ -83,6 +84,8 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     for i, (k, rival) in enumerate(rivals):
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
+        if _promises_nothing(other, search):
+            continue
         law = friction.beside(other)
         _to_its_end(other, law, silent, most, gone)
         gone.append(other)
@@ -107,6 +110,15 @@ def _names(step: Step) -> set[str]:
 def _has_been(search: Search, step: Step) -> bool:
     """Whether a search has come through a fit of the same effects that leaves as much: it goes on from there alike."""
     return any(_names(s) == _names(step) and abs(s.result.error / step.result.error - 1) < _SAME for s in search.steps)
+
+
+def _promises_nothing(other: Search, search: Search) -> bool:
+    """Whether a search that has come close to the noise floor has taken what no effect more would take beside another,
+    by a linear refit. Further from it plants have bent, and no linear refit knows how far."""
+    last = search.steps[-1].result
+    left, floor = left_of(last.misfit, last.vector), floor_of(last)
+    close = last.error <= CLOSE_TO_FLOOR * last.floor
+    return close and not takes(left, other.within_reach(), floor)
 
 
 def _is_ahead(other: Search, search: Search) -> bool:
