@@ -71,7 +71,7 @@ def _explains(cause: Cause, now: FitResult, before: HeldOut, best: Trial) -> Hin
         strength = strength + np.linalg.lstsq(gram(free, free), gram(free, model.target))[0]
         if not _LEAST < cause.missing(now, strength) < _MOST:
             break
-        delivered = np.maximum(cause.left(now, strength), _LITTLE) * math.sqrt(misfit.delivered(x))
+        delivered = np.maximum(cause.left(now, torques, strength), _LITTLE) * math.sqrt(misfit.delivered(x))
         left = HeldOut(model.held_out(columns) / np.repeat(delivered, [len(o.index) for o in seen]), seen)
         if left.total > min(best.held_out.total, total):
             break

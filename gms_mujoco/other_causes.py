@@ -75,17 +75,22 @@ class Cause(NamedTuple):
     taken_from: Callable[[FitResult, Observation], Array] | None = None
 
 
-    def left(self, now: FitResult, strength: Array) -> list[float]:
-        """What strengths leave of the torque that they take a share of, in each record: root mean square over that
+    def left(self, now: FitResult, torques: Sequence[Torques], strength: Array) -> list[float]:
+        """What strengths leave of the torque that they take a share of, in each record: standard deviation over that
         before.
 
         Of a torque with less of everything in it, anything leaves less.
+
+        Args:
+            now: the fit that it is beside.
+            torques: of the cause along each record.
+            strength: (k,) of them.
         """
         seen = records_of(now)
         if self.taken_from is None:
             return [1.0] * len(seen)
         before = [self.taken_from(now, o) for o in seen]
-        after = [b - t.torque @ strength for b, t in zip(before, self.torques(now), strict=True)]
+        after = [b - t.torque @ strength for b, t in zip(before, torques, strict=True)]
         return [float(np.std(a)) / max(float(np.std(b)), 1e-300) for a, b in zip(after, before, strict=True)]
 
 
