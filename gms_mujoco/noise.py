@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
 _QUIETER = 0.25  # quantile over the records
+_ALIKE = 0.1  # scatter of the logarithm of what is the same in all records, and is read from noise
+_APART = 3.0  # times as far from each other: what is not
+_FEWEST_RECORDS = 3  # that tell the one from the other
+_AT_MOST = 1.2  # times the noise of a record by itself
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -43,11 +47,22 @@ class Noise:
         torque: [N m].
         position: [rad], quantisation included.
         resolution: position of one encoder count [rad]; 0 where the record shows none.
+        share: of the rms torque of each record, where the noise of the torque is that; 0 where it is the same in all.
     """
 
     torque: float
     position: float
     resolution: float
+    share: float = 0.0
+
+    def torque_in(self, record: Record) -> float:
+        """That of the torque of one record [N m]."""
+        return self.share * _rms(record) if self.share else self.torque
+
+
+def _rms(record: Record) -> float:
+    """Of the torque of a record [N m]."""
+    return float(np.sqrt(np.mean(record.torque**2)))
 
 
 def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
@@ -106,7 +121,8 @@ def refine_noise(
 
     What a model leaves over is noise and its own errors; the median over short segments and over frequencies
     ignores errors that come and go. A band-limited residual sees what high frequencies cannot show. What the noise
-    of the position leaves in it, through the inertia, is not that of the torque.
+    of the position leaves in it, through the inertia, is not that of the torque. Where it is the same share of the
+    torque in each record, as of a log whose noise was given in dB or of a sensor whose range was changed, that is it.
 
     Args:
         residuals: (m,) torque residual of each observation [N m].
@@ -125,8 +141,25 @@ def refine_noise(
         return float(np.median((density - known)[quiet]) if quiet.any() else np.min(density))
 
     seen = [(o, r) for o, r in zip(observations, residuals, strict=True) if isinstance(o, Observation)]
-    densities = each(lambda t: typical(*t), seen)
-    return replace(noise, torque=min(noise.torque, float(np.sqrt(np.median(densities)))) if densities else noise.torque)
+    if not seen:
+        return noise
+    found = np.sqrt(each(lambda t: typical(*t), seen))
+    share = _common_share(found, [o.record for o, _ in seen], inertia)
+    return replace(noise, torque=min(noise.torque, float(np.median(found))), share=share)
+
+
+def _common_share(found: Array, records: Sequence[Record], inertia: float) -> float:
+    """The noise found in each record (n,) over its torque, where that is the same in all and the noise is not, nor more
+    than the noise of each by itself; else 0."""
+    sizes = np.array([_rms(r) for r in records])
+    if len(records) < _FEWEST_RECORDS or not (found.min() > 0 and sizes.min() > 0):
+        return 0.0
+    shares = np.log(found / sizes)
+    if np.std(shares) > min(_ALIKE, np.std(np.log(found)) / _APART):
+        return 0.0
+    share = float(np.exp(np.median(shares)))
+    by_itself = np.array([estimate_noise([r], inertia).torque for r in records])
+    return share if (share * sizes <= _AT_MOST * by_itself).all() else 0.0
 
 
 def inertia_along(record: Record, inertia: float) -> Array | float:
@@ -233,7 +266,7 @@ def sensor_residual(
         # the motion still holds some of it: the counts are put elsewhere.
         shift = noise.resolution * (0.25 + 0.5 * rng.random())
         read = np.round((read + shift) / noise.resolution) * noise.resolution - shift
-    torque = observation.band(mean_torque(r, noise.torque * rng.standard_normal(len(r))))
+    torque = observation.band(mean_torque(r, noise.torque_in(r) * rng.standard_normal(len(r))))
     loud, quiet = (
         part * torque - (observation.again(true + part * (read - true)).needed(plant, memory) - seen)
         for part in (1.0, _QUIET)

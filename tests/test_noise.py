@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COUNT, HEALTHY, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
+from bench import COUNT, HEALTHY, HIDDEN, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
@@ -12,6 +12,7 @@ from scipy import signal
 from gms_mujoco.effect import Effect
 from gms_mujoco.effects import AsymmetricFriction, Backlash, Cogging, LoadDependentFriction
 from gms_mujoco.excitation import multisine
+from gms_mujoco.fit import fit
 from gms_mujoco.inverse import Observation
 from gms_mujoco.noise import (
     Noise,
@@ -126,6 +127,33 @@ def test_the_floor_is_what_a_perfect_model_leaves(bench: dict) -> None:
     left = np.sqrt(np.mean([rms(o.applied(BARE) - o.needed(BARE)) ** 2 for o in observations]))
     floor = np.sqrt(np.mean([rms(floor_residual(o, BARE, None, noise, rng)) ** 2 for o in observations]))
     assert floor == pytest.approx(left, rel=0.15)
+
+
+def _noisy(record: Record, size: float, seed: int) -> Record:
+    noise = size * np.random.default_rng(seed).standard_normal(len(record))
+    return replace(record, signals={**record.signals, "torque": record.torque + noise})
+
+
+SHARE = 10 ** (-35 / 20)  # 35 dB below the torque
+
+
+def test_noise_that_is_the_same_share_of_the_torque_in_each_record_is_told() -> None:
+    quiet = runs(HEALTHY, torque_noise=0.0)
+    records = [_noisy(r, SHARE * rms(r.torque), k) for k, r in enumerate(quiet)]
+    found = fit(HEALTHY, records)
+    assert found.noise.share == pytest.approx(SHARE, rel=0.1)
+    assert [found.noise.torque_in(r) for r in records] == pytest.approx([SHARE * rms(r.torque) for r in quiet], rel=0.1)
+    assert found.error == pytest.approx(found.floor, rel=0.15)
+
+
+def test_noise_that_is_the_same_in_each_record_is_no_share_of_the_torque() -> None:
+    noise = fit(HEALTHY, runs(HEALTHY, torque_noise=TORQUE)).noise
+    assert noise.share == 0 and noise.torque_in(runs(HEALTHY)[0]) == noise.torque == pytest.approx(TORQUE, rel=0.15)
+
+
+def test_what_a_plant_lacks_is_no_share_of_the_torque() -> None:
+    """Of delayed torques something is left in each record that grows with the torque, but no noise."""
+    assert fit(HEALTHY, runs(HEALTHY + HIDDEN["delay"])).noise.share == 0
 
 
 def test_an_encoder_leaves_little_at_low_frequencies() -> None:
