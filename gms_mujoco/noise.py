@@ -26,7 +26,6 @@ _QUIETER = 0.25  # quantile over the records
 _ALIKE = 0.1  # scatter of the logarithm of what is the same in all records, and is read from noise
 _APART = 3.0  # times as far from each other: what is not
 _FEWEST_RECORDS = 3  # that tell the one from the other
-_AT_MOST = 1.2  # times the noise of a record by itself
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -149,17 +148,23 @@ def refine_noise(
 
 
 def _common_share(found: Array, records: Sequence[Record], inertia: float) -> float:
-    """The noise found in each record (n,) over its torque, where that is the same in all and the noise is not, nor more
-    than the noise of each by itself; else 0."""
+    """The noise of each record over its torque, where that is the same in all and the noise is not; else 0.
+
+    Args:
+        found: (n,) noise that a model has left of each record, at most [N m].
+    """
     sizes = np.array([_rms(r) for r in records])
-    if len(records) < _FEWEST_RECORDS or not (found.min() > 0 and sizes.min() > 0):
+    asks = len(records) >= _FEWEST_RECORDS and min(inertia, found.min(), sizes.min()) > 0
+    if not asks or _apart(sizes) < _APART * _ALIKE:
         return 0.0
-    shares = np.log(found / sizes)
-    if np.std(shares) > min(_ALIKE, np.std(np.log(found)) / _APART):
-        return 0.0
-    share = float(np.exp(np.median(shares)))
-    by_itself = np.array([estimate_noise([r], inertia).torque for r in records])
-    return share if (share * sizes <= _AT_MOST * by_itself).all() else 0.0
+    noise = np.minimum(found, [estimate_noise([r], inertia).torque for r in records])
+    same = noise.min() > 0 and _apart(noise / sizes) < min(_ALIKE, _apart(noise) / _APART)
+    return float(np.median(noise / sizes)) if same else 0.0
+
+
+def _apart(values: Array) -> float:
+    """Standard deviation of the logarithm."""
+    return float(np.std(np.log(values)))
 
 
 def inertia_along(record: Record, inertia: float) -> Array | float:
