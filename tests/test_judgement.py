@@ -67,7 +67,7 @@ def _play_and_coupling(
         behind = HeldOut(np.sqrt(held_out) * noise, seen)
         misfit = SimpleNamespace(left=left, coordinates=SimpleNamespace(size=size))
         result: Any = SimpleNamespace(
-            misfit=misfit, vector=None, negligible=negligible, floor=floor * behind.total
+            misfit=misfit, vector=None, negligible=negligible, floor=floor * behind.total, rattles=False
         )
         return judgement.Trial(name, result, behind)
 
@@ -140,7 +140,7 @@ def test_at_the_floor_less_noise_is_no_explanation(
 def test_much_of_the_little_above_the_floor_is_enough_but_for_what_passes_on_less_noise(
     monkeypatch: pytest.MonkeyPatch, effect: Effect, worth: bool
 ) -> None:
-    now: Any = SimpleNamespace(plant=Plant.axis(1.0), negligible=0.0)
+    now: Any = SimpleNamespace(plant=Plant.axis(1.0), negligible=0.0, rattles=False)
     result: Any = SimpleNamespace(plant=now.plant + effect)
     monkeypatch.setattr(judgement, "floor_of", lambda *given: 75.0)
     monkeypatch.setattr(judgement, "_left_by", lambda *given: (100.0, 88.0))  # less than a fifth of all
@@ -160,7 +160,7 @@ def test_blocks_that_only_another_start_of_the_refits_predicts_better_are_no_gai
     """Of two seconds of a healthy axis refits of the bare plant lost so much that cogging seemed to take a third."""
     left = {"now": 90.0, "result": 89.0}
     bare = Plant.axis(1.0)
-    now: Any = SimpleNamespace(misfit="now", vector=None, plant=bare, negligible=0.0)
+    now: Any = SimpleNamespace(misfit="now", vector=None, plant=bare, negligible=0.0, rattles=False)
     result: Any = SimpleNamespace(misfit="result", vector=None, plant=bare + effects.Cogging(harmonics=[6]))
     monkeypatch.setattr(judgement, "floor_of", lambda *given: floor)
     monkeypatch.setattr(judgement, "left_of", lambda misfit, vector: left[misfit])
