@@ -110,7 +110,7 @@ class FrictionLaw:
             # A bristle that bends, or whose damping fades, is no step further: without it a fit ends in another place.
             # Nor is the exponent by which friction turns round.
             bends = elastic_bristle(result, cross_validated(result.misfit, result.vector))
-            result, held_out = other_curve(*fading_damping(*bends), OF_REVERSALS)
+            result, held_out = other_curve(*fading_damping(*bends), [OF_REVERSALS])
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
             # The noise floors of two laws differ: of one that is stiffer the encoder shows less.

@@ -29,8 +29,8 @@ from .undetermined import stuck_within
 Array = NDArray[np.float64]
 
 # Parameters of a law that no fit frees unasked.
-_EXPONENTS = ("stribeck_exponent", "exponent")  # of the curve over speed; of that over the way after a reversal
-OF_REVERSALS = _EXPONENTS[1:]
+_OF_SPEED, OF_REVERSALS = "stribeck_exponent", "exponent"  # of the curve over speed; over the way after a reversal
+_EXPONENTS = (_OF_SPEED, OF_REVERSALS)
 SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
 _VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
@@ -63,7 +63,7 @@ def other_curve(
     """
     usual = Scales.of(now.misfit.observations)["rad/s"]
     for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e)) and x in exponents]:
-        for velocity in _VELOCITIES if exponent == "stribeck_exponent" else (None,):
+        for velocity in _VELOCITIES if exponent == _OF_SPEED else (None,):
             if at_floor(now, left, _NEARLY_NOISE):
                 break
             law = now.plant[name]

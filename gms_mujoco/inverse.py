@@ -77,6 +77,11 @@ def moved(x: Array, rows: int) -> Array:
     return x[here] if rows else x
 
 
+def rms_torque(record: Record) -> float:
+    """Root mean square of the torque of a record [N m]."""
+    return float(np.sqrt(np.mean(record.torque**2)))
+
+
 def mean_torque(record: Record, torque: Array | None = None) -> Array:
     """Triangular mean of the torque of a record, or of another that comes in the same way [N m]."""
     u = record.torque if torque is None else torque
@@ -573,7 +578,7 @@ class Observation:
 
     @cached_property
     def _torque(self) -> float:
-        return float(np.sqrt(np.mean(self.record.torque**2)))
+        return rms_torque(self.record)
 
     def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .encoder import count_size
 from .frf_observation import Seen
 from .grid import Grid, Path
-from .inverse import Observation, delivered, mean_torque, second_difference
+from .inverse import Observation, delivered, mean_torque, rms_torque, second_difference
 from .native import Joint, Motion
 from .plant import Plant
 from .record import Record
@@ -56,12 +56,7 @@ class Noise:
 
     def torque_in(self, record: Record) -> float:
         """That of the torque of one record [N m]."""
-        return self.share * _rms(record) if self.share else self.torque
-
-
-def _rms(record: Record) -> float:
-    """Of the torque of a record [N m]."""
-    return float(np.sqrt(np.mean(record.torque**2)))
+        return self.share * rms_torque(record) if self.share else self.torque
 
 
 def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
@@ -153,7 +148,7 @@ def _common_share(found: Array, records: Sequence[Record], inertia: float) -> fl
     Args:
         found: (n,) noise that a model has left of each record, at most [N m].
     """
-    sizes = np.array([_rms(r) for r in records])
+    sizes = np.array([rms_torque(r) for r in records])
     asks = len(records) >= _FEWEST_RECORDS and min(inertia, found.min(), sizes.min()) > 0
     if not asks or _apart(sizes) < _APART * _ALIKE:
         return 0.0

@@ -106,7 +106,6 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
     if other.name not in plants[0]:
         effect = other.result.plant[other.name]
         plants = [plants[0] + effect.replace(**form) for form in forms(effect, plants[0])]
-
     most = _FAR * last.misfit.cost(last.vector)
 
     def fitted(plant: Plant) -> FitResult:
@@ -115,7 +114,8 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
 
     result = min(map(fitted, plants), key=lambda r: r.error)
     if {e.name for e in result.plant.effects} != {e.name for e in other.result.plant.effects}:
-        result = search.fits.best(result) if result.misfit.cost(result.vector) < most else result
+        if result.misfit.cost(result.vector) < most:
+            result = search.fits.best(result)
     elif other.result.error <= result.error:
         return other
     return Trial(other.name, result, cross_validated(result.misfit, result.vector))
