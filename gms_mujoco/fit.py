@@ -173,7 +173,7 @@ def from_the_data(
         return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)
     report(0.5, "refining")
-    misfit, x = to_end(*begun(first, observations, fixed), fixed, 40, below)
+    misfit, x = to_end(*begun(first, observations, fixed, below), fixed, 40, below)
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = refined(misfit, x)

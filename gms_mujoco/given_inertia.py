@@ -42,10 +42,11 @@ def is_doubtful(search: Search, other: Search) -> bool:
     if search.hint is not None:
         least = min(least, search.hint.left)
     enough = max(CLOSE * least, AT_FLOOR**2 * floor)
+    undetermined = max(last.misfit.cost(last.vector) - left_of(last.misfit, last.vector), 0.0)
     for step in search.steps[1:]:
         misfit, x = without(last, str(step.effect))
         misfit, x = misfit.onto(free(misfit.plant(x)), x)
-        x = nudge(misfit, x)
+        x = nudge(misfit, x, below=_OF_USE * enough + undetermined)
         if left_of(misfit, x) >= _OF_USE * enough or left_of(misfit, x := refined(misfit, x)) >= enough:
             continue
         if not search.at_floor or _is_as_good(fit_to_end(misfit, x), search):

@@ -44,6 +44,7 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
 }  # fmt: skip
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
+_FAR = 2.0  # times the cost of a fit: another form that leaves more after a few steps leaves more in the end
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 
 
@@ -199,12 +200,14 @@ class JointFits:
     def formed(self, name: str, result: FitResult) -> FitResult:
         """The same joint fit, or that with another form of the effect or another contact of a play where it leaves
         less: rough fits are no judges of forms that differ little."""
-        found = [result]
+        found, cost = [result], result.misfit.cost(result.vector)
         for form in FORMS.get(name, ()):
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)
-                found.append(fit_to_end(misfit, nudge(misfit, x), below=result.misfit.cost(result.vector)))
+                x = nudge(misfit, x, below=_FAR * cost)
+                if misfit.cost(x) <= _FAR * cost:
+                    found.append(fit_to_end(misfit, x, below=cost))
         best = min(found, key=attrgetter("error"))
         return from_other_contacts(best) if width_of(effects.find(name)) else best
 

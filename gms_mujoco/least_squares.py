@@ -12,9 +12,10 @@ from .threads import each
 
 Array = NDArray[np.float64]
 
-_WORTH = 0.03  # of the tolerance: a step that promises less is not tried
+_WORTH = 0.3  # of the tolerance: a step that promises less is not tried
 _AHEAD = 20  # steps over which a cost may go on to fall as it did: as many as a fit has
 _COARSE = 0.1  # of the squared residual, that the square of the error of a coarse look may be
+_EXACT = 0.01  # of the same: no exact look finds anything that is much better
 _ROUNDS = 4  # of solving and computing the harmonics anew
 _AGREED = 0.98  # of the cost: less of a fall is none
 _FARTHEST = 6.0  # times its reach, that an unknown moves in one step; of a logarithm 3
@@ -24,7 +25,7 @@ def solve(
     misfit: Misfit,
     start: Array,
     max_steps: int = 40,
-    tolerance: float = 1e-4,
+    tolerance: float = 3e-4,
     columns: NDArray[np.intp] | None = None,
     below: float = np.inf,
     enough: float = 0.0,
@@ -118,22 +119,22 @@ def nudge(misfit: Misfit, x: Array, max_steps: int = 6, below: float = np.inf) -
     common, x = np.arange(misfit.n_common), misfit.settle(x)
     few = max_steps // 3
     near = approach(misfit, x, max_steps + (few if below < np.inf else 0), 3e-3, common, below)
-    if near is not x and below < np.inf and _at_least(misfit, near) > below:
+    if near is x:
+        return solve(misfit, x, max_steps, 3e-3, common, below)
+    coarse, exact = misfit.coarsely().residual(near), misfit.residual(near)
+    error = squared(coarse - exact)
+    # Where a coarse look finds nothing better, an exact one goes below by no more than the error of the first.
+    least = max(squared(coarse) ** 0.5 - error**0.5, 0.0) ** 2
+    if error <= _EXACT * squared(exact) or least > below:
         return near
-    return solve(misfit, near, max_steps if near is x else few, 3e-3, common, below)
-
-
-def _at_least(misfit: Misfit, x: Array) -> float:
-    """The cost that no exact look goes below where a coarse one finds nothing better than `x`, from its error there."""
-    coarse = misfit.coarsely().residual(x)
-    return max(squared(coarse) ** 0.5 - squared(coarse - misfit.residual(x)) ** 0.5, 0.0) ** 2
+    return solve(misfit, near, few, 3e-3, common, below)
 
 
 def approach(
     misfit: Misfit,
     start: Array,
     max_steps: int,
-    tolerance: float = 1e-4,
+    tolerance: float = 3e-4,
     columns: NDArray[np.intp] | None = None,
     below: float = np.inf,
 ) -> Array:

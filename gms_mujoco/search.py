@@ -92,6 +92,7 @@ _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
 _RIVALS = 0.25  # so much of what it promises where they may do so by chance
+_SURELY = 4.0  # times the cost with an effect: without it much more is left
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
 
 
@@ -556,7 +557,7 @@ class Search:
     def _needless(self, name: str) -> bool:
         """Whether an effect that was chosen beside another curve of friction earns no place beside this one."""
         last = self.steps[-1]
-        alone = refine(*without(last.result, name))
+        alone = refine(*without(last.result, name), below=_SURELY * last.result.misfit.cost(last.result.vector))
         left = cross_validated(alone.misfit, alone.vector)
         floor = min(floor_of(alone), floor_of(last.result))
         earned = takes(left.total, last.held_out.total, floor)
