@@ -163,6 +163,23 @@ def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
     assert np.array_equal(plant.joint().replay(t, q, v).torque, torque)
 
 
+@pytest.mark.parametrize("stiffening", [0, 1])
+@pytest.mark.parametrize("law", [
+    effects.GMS(stiffness=[5, 2], fraction=[0.7, 0.3], coulomb=1, static=1, stribeck_velocity=1, attraction=1e6),
+    effects.LuGre(stiffness=7, damping=0, coulomb=1, static=1, stribeck_velocity=1),
+    effects.LuGre(stiffness=7, damping=0, coulomb=1, static=1, stribeck_velocity=1, elastic=0.5),
+    effects.Dahl(stiffness=7, coulomb=1, exponent=1),
+], ids=lambda law: law.name)  # fmt: skip
+def test_a_contact_that_is_stronger_as_a_whole_is_stiffer_too(law, stiffening):
+    """Virgin stiffness forward and backward; at level 0.2 the levels are 1.2 and 0.8 either way."""
+    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=stiffening)).joint()
+    for way in (1, -1):
+        q = way * np.array([0, 1e-6, 50])
+        stuck, slid = -way * joint.replay(np.arange(3.0), q, np.gradient(q)).torque[1:]
+        assert slid == pytest.approx(1 + 0.2 * way)
+        assert stuck == pytest.approx((1 + 0.2 * way * stiffening) * 7e-6, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("name", "elements"), [*itertools.product(NATIVE.args[1], [1, 4, 5]), ("gms", 40), ("gms", 200)]
 )

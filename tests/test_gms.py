@@ -109,21 +109,6 @@ def test_break_away_depends_on_the_rate():
     assert peak[0] > peak[1] > peak[2]
 
 
-@pytest.mark.parametrize("stiffening", [0, 1])
-def test_a_direction_that_is_stronger_as_a_whole_is_stiffer_too(stiffening):
-    """Virgin stiffness forward and backward; at level 0.2 the levels are 1.2 and 0.8 either way."""
-    law = effects.GMS(
-        stiffness=STIFFNESS, fraction=FRACTION, coulomb=FC, static=FC, stribeck_velocity=VS, attraction=1e6
-    )
-    joint = (Plant.axis() + law + effects.AsymmetricFriction(level=0.2, stiffening=stiffening)).joint()
-    for way in (1, -1):
-        q = way * np.array([0, 1e-6, 0.5])
-        t = np.arange(3.0)
-        stuck, slid = -way * joint.replay(t, q, np.gradient(q)).torque[1:]
-        assert slid == pytest.approx((1 + 0.2 * way) * FC)
-        assert stuck == pytest.approx((1 + 0.2 * way * stiffening) * sum(STIFFNESS) * 1e-6)
-
-
 def test_levels_that_a_reversal_carries_over_are_a_constant_torque_beside_equal_ones():
     """An element that carries from -0.8 to 1.2 of its limit is one that carries 1 either way, moved by 0.2 of it."""
     law = effects.GMS(

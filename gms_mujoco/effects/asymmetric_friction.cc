@@ -22,10 +22,11 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "friction",
     "Friction that differs between the directions: the level of every friction law of the joint is multiplied by\n"
     "1 + a forward and 1 - a backward, and the viscous drag by a torque -b |v| (drag sigma + b forward, sigma - b\n"
-    "backward). A constant difference that does not scale with the level is `torque_offset`. The elements of `gms` are\n"
-    "stronger as a whole, their stiffness with their level, or with s = 0 in their level alone. An element that turns\n"
-    "then drops to the level of the direction that it comes to, or with r = 0 carries its force over, as a spring with\n"
-    "two yield limits does: with s = 0 a constant torque, where the level does not depend on speed.\n"
+    "backward). A constant difference that does not scale with the level is `torque_offset`. The contacts of `gms`,\n"
+    "`lugre` and `dahl` are stronger as a whole, their stiffness with their level, or with s = 0 in their level alone. An\n"
+    "element of `gms` that turns then drops to the level of the direction that it comes to, or with r = 0 carries its\n"
+    "force over, as a spring with two yield limits does: with s = 0 a constant torque, where the level does not depend\n"
+    "on speed.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",

@@ -21,7 +21,7 @@ const gms::Effect gms_effect_load_dependent_friction = {
     "the rotor and friction take, or the same, what the link needs. It is the signal `load` of a record (of a robot's\n"
     "joint by inverse dynamics, the armature of the model being the rotor) and in MuJoCo what actuators, friction\n"
     "and damping gave in the step before, less armature times acceleration.\n"
-    "The stiffness of `gms` follows its level, or with s = 0 stays.\n"
+    "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
     "Source: load-dependent friction of robot joints, Bittencourt and Gunnarsson, ASME J. Dyn. Sys. Meas. Control\n"
     "134 (2012).",
     "The torque error follows the sign of velocity with a height that follows the load.",

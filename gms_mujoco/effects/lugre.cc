@@ -22,16 +22,16 @@ double slip(const double* p, double along, double s) {
   return std::fmax(along - p[7] * s, 0) / ((1 - p[7]) * s);
 }
 
-// The pull of a bristle along the motion after a way, exact where s stays.
-double bent(const double* p, double along, double way, double s) {
-  if (p[7] == 0) return s + (along - s) * std::exp(-p[0] * way / s);
-  const double edge = p[7] * s, room = (edge - along) / p[0];  // up to where it only bends
-  if (room >= way) return along + p[0] * way;
+// The pull of a bristle of stiffness k along the motion after a way, exact where s stays.
+double bent(const double* p, double k, double along, double way, double s) {
+  if (p[7] == 0) return s + (along - s) * std::exp(-k * way / s);
+  const double edge = p[7] * s, room = (edge - along) / k;  // up to where it only bends
+  if (room >= way) return along + k * way;
   if (room > 0) {
     along = edge;
     way -= room;
   }
-  return s + (along - s) * std::exp(-p[0] * way / ((1 - p[7]) * s));
+  return s + (along - s) * std::exp(-k * way / ((1 - p[7]) * s));
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
@@ -39,8 +39,8 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
   const double direction = gms::sign(m.displacement);
   double w = state[0];
   if (direction != 0) {  // exact over the interval, with s at its mean velocity
-    const double s = level_at(p, m.rate(), direction, level);
-    w = s > 0 ? direction * bent(p, direction * w, std::fabs(m.displacement), s) : 0;
+    const double s = level_at(p, m.rate(), direction, level), k = p[0] * level.stiffness_at(direction);
+    w = s > 0 ? direction * bent(p, k, direction * w, std::fabs(m.displacement), s) : 0;
   }
   next[0] = w;
   if (p[1] == 0 || m.velocity == 0) return -w;

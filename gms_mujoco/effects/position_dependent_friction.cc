@@ -22,7 +22,7 @@ const gms::Effect gms_effect_position_dependent_friction = {
     "Friction that varies along the revolution: the level of every friction law of the joint is multiplied by\n"
     "1 + sum_i a_i sin(n_i q + phi_i), n_i whole numbers per revolution: a bent shaft, an eccentric gear, a seal; on\n"
     "a slide joint a wave number, 2 pi over the pitch of a screw or rail, which a fit finds.\n"
-    "The stiffness of `gms` follows its level, or with s = 0 stays.\n"
+    "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
     "Source: position-dependent friction terms, Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994).",
     "The torque error is a sine of position that changes sign with the direction of motion.",
     "Slow constant-velocity runs over a whole revolution (on a slide joint, several pitches) in both directions.",

@@ -25,7 +25,7 @@ const gms::Effect gms_effect_thermal_drift = {
     "begins near zero where the axis was cold. The other parameters describe the warm axis, so friction that grows from\n"
     "(1 + a) Fc to Fc has a < 0. Grease thins as it warms: in robot joints most of the change is in the drag.\n"
     "One time constant, no recovery at rest; a recorded temperature is not used.\n"
-    "The stiffness of `gms` follows its level, or with s = 0 stays.\n"
+    "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
     "Source: friction during warm-up, Carvalho Bittencourt and Axelsson, IEEE/ASME Trans. Mechatronics 19 (2014).",
     "The torque error follows the sign of velocity, or velocity, and fades, or grows to a plateau, with time.",
     "One motion repeated from a cold start for several minutes.",

@@ -60,6 +60,7 @@ struct Level {
   bool stiffens = true;  // whether the stiffness of a contact grows with its level
   bool drops = true;     // whether a contact that turns keeps no more than the level of the direction that it comes to
   double at(double direction) const { return direction < 0 ? backward : forward; }
+  double stiffness_at(double direction) const { return stiffens ? at(direction) : 1; }  // multiplier of a stiffness
 };
 
 struct Parameter {
