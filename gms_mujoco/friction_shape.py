@@ -19,7 +19,7 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .moments import refit_between
-from .placement import parted
+from .placement import parted, spread
 from .plant import Plant
 from .refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
 from .scales import Scales
@@ -40,7 +40,7 @@ _STEPS = 10  # of a fit in which an exponent is free
 _MOST_ELEMENTS = 16  # of friction
 _OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most speeds, and one that falls before them
 _WEAKENS = 1.02  # times the level of sliding: by less friction does not weaken
-_COARSE = 0.01  # of the torque: what too few elements of friction may leave
+_COARSE = 0.01  # of the torque: what too few elements of friction may leave beside noise
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
 _VANISHED = 1e-4  # of the level: an element that carries less
 _AS_MUCH = 1.001  # times an error: the same one
@@ -198,21 +198,29 @@ def _slipping_back(plant: Plant) -> Plant:
 def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     """A fit with as many elements of friction as the little that is left asks for: no law of a few is any finer.
 
+    They are parted one by one; and where that comes to no end at the noise floor, placed anew, as many as there may be.
+
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    while not at_floor(now, left) and now.error <= _COARSE and now.score.of == "torque":
-        if "gms" not in now.plant or now.plant["gms"].elements >= _MOST_ELEMENTS:
-            break
+    while _asks_for_more(now, left):
         floor, cost = floor_of(now), left_of(now.misfit, now.vector)
         finer = parted(now.misfit, now.vector, _PARTED * max(cost - floor, 0.0))
-        if finer is None:
-            break
         before = now
-        now, left = _better(now, left, refine(*finer), _PARTED)
+        if finer is not None:
+            now, left = _better(now, left, refine(*finer), _PARTED)
         if now is before:
             break
+    if _asks_for_more(now, left) and (finer := spread(now.misfit, now.vector, _MOST_ELEMENTS)) is not None:
+        elements = finer[0].coordinates.template["gms"].elements - now.plant["gms"].elements
+        now, left = _better(now, left, refine(*finer), 1 - (1 - _PARTED) ** elements)
     return now, left
+
+
+def _asks_for_more(now: FitResult, left: HeldOut) -> bool:
+    """Whether a fit may have more elements of friction, and leaves little that is not noise."""
+    few = now.score.of == "torque" and "gms" in now.plant and now.plant["gms"].elements < _MOST_ELEMENTS
+    return few and now.error**2 - now.floor**2 <= _COARSE**2 and not at_floor(now, left)
 
 
 def following(now: FitResult) -> FitResult | None:

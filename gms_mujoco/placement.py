@@ -68,6 +68,15 @@ def placed_anew(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[
     return _first_better(misfit, x, _anew(misfit, x), fixed) if may_be_anew(misfit) else None
 
 
+def spread(misfit: Misfit, x: Array, most: int) -> tuple[Misfit, Array] | None:
+    """The same problem near a solution with more elements of `gms`, at most so many, all placed anew; None where that
+    leaves no less.
+
+    A contact that gives way bit by bit asks for many, and those that are parted one by one stand in each other's way.
+    """
+    return _first_better(misfit, x, _anew(misfit, x, most), ()) if may_be_anew(misfit) else None
+
+
 def may_be_anew(misfit: Misfit) -> bool:
     """Whether elements can be placed anew. Responses are not asked: few of their points tell one distance from the
     next."""
@@ -230,9 +239,9 @@ class _Shares:
         return self._project(np.concatenate(out).T)
 
 
-def _anew(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
-    """As many elements where the best shares on a grid of distances are, and the nearest of the present ones for each;
-    nothing where that promises no less."""
+def _anew(misfit: Misfit, x: Array, most: int | None = None) -> Iterator[tuple[Effect, Indices]]:
+    """Elements where the best shares on a grid of distances are, as many as there are, or more and at `most` so many,
+    and the nearest of the present ones for each; nothing where that promises no less."""
     elements = _Shares(misfit, x)
     grid = elements.grid()
     if not len(grid):
@@ -245,7 +254,10 @@ def _anew(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
     shares, left = elements.on(finer)
     if not shares.any() or left > (1 - _WORTH) * misfit.cost(x):
         return
-    springs, shares, _ = gathered(finer, shares, len(elements.share))
+    count, peaks = len(elements.share), int(np.count_nonzero(np.diff(np.append(0, shares > 0)) > 0))
+    if most and peaks <= count:
+        return
+    springs, shares, _ = gathered(finer, shares, min(most, peaks) if most else count)
     yield _with_elements(elements.gms, shares, springs), elements.nearest(shares / springs)
 
 
