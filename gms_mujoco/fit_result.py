@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 _NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 _LOUD = 0.05  # of the torque
-_PASSED_ON = 4.0  # times the noise floor of the mass alone: no friction but one that is too stiff makes so much of it
+_PASSED_ON = 4.0  # times the noise floor without friction: none but one that is too stiff makes so much of it
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ class FitResult:
         """
         if self.score.of != "torque" or self.floor <= _LOUD:
             return False
-        assert self.plant.inertia is not None
-        observations, alone = self.misfit.observations, Plant.axis(self.plant.inertia)
+        observations = self.misfit.observations
+        alone = replace(self.plant, effects=tuple(e for e in self.plant.effects if e.kind != "friction"))
         drawn = list(zip(observations, np.random.default_rng(0).spawn(len(observations)), strict=True))
         rows = each(lambda t: floor_residual(t[0], alone, None, self.noise, t[1]), drawn)
         applied = [o.applied(self.plant) for o in observations]
