@@ -12,7 +12,7 @@ from .threads import each
 
 Array = NDArray[np.float64]
 
-_WORTH = 0.3  # of the tolerance: a step that promises less is not tried
+_WORTH = 0.03  # of the tolerance: a step that promises less is not tried
 _AHEAD = 20  # steps over which a cost may go on to fall as it did: as many as a fit has
 _COARSE = 0.1  # of the squared residual, that the square of the error of a coarse look may be
 _EXACT = 0.01  # of the same: no exact look finds anything that is much better

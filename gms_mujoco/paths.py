@@ -117,7 +117,8 @@ def _promises_nothing(other: Search, search: Search) -> bool:
     by a linear refit. Further from it plants have bent, and no linear refit knows how far."""
     last = search.steps[-1].result
     left, floor = left_of(last.misfit, last.vector), floor_of(last)
-    close = last.error <= CLOSE_TO_FLOOR * last.floor
+    # A plant that has bent claims more of what it leaves for noise than it did before.
+    close = last.error <= CLOSE_TO_FLOOR * min(s.result.floor for s in search.steps)
     return close and not takes(left, other.within_reach(), floor)
 
 
