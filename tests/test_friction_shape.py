@@ -13,11 +13,13 @@ from gms_mujoco.friction_shape import (
     elastic_bristle,
     fading_damping,
     following,
+    more_elements,
     other_curve,
     spring_instead,
     with_exponents,
     without_vanished,
 )
+from gms_mujoco.judgement import at_floor
 from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
@@ -59,6 +61,20 @@ def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
     assert with_exponents(before, HEALTHY) is before
     low, high = finished(with_exponents(found, HEALTHY)).plant.uncertainty["gms.stribeck_exponent"]
     assert low < exponent < high < 1.1 * low
+
+
+def test_a_contact_that_gives_way_bit_by_bit_comes_down_to_the_noise_floor() -> None:
+    """As Iwan's, of which no few elements are any likeness."""
+    share = np.full(40, 1 / 40)
+    smooth = HEALTHY.replace(effects.GMS(
+        stiffness=share * LEVEL / np.geomspace(1e-3, 40e-3, 40), fraction=share, coulomb=LEVEL, static=LEVEL,
+        stribeck_velocity=1.0, attraction=500 * LEVEL,
+    ))  # fmt: skip
+    seen = observe(runs(smooth, seconds=4.0, torque_noise=1e-6), J)
+    before = fit_as_logged(baseline(J, elements=4), seen)
+    found, left = more_elements(before, cross_validated(before.misfit, before.vector))
+    assert found.error < 0.2 * before.error and at_floor(found, left)
+    assert 4 < found.plant["gms"].elements <= 16
 
 
 def test_an_exponent_stays_where_a_curve_is_one() -> None:

@@ -8,7 +8,7 @@ from gms_mujoco import effects
 from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
-from gms_mujoco.placement import parted, placed, placed_anew
+from gms_mujoco.placement import parted, placed, placed_anew, spread
 from gms_mujoco.plant import Plant
 from gms_mujoco.starts import LONGEST_BREAK_AWAY, longest_break_away
 
@@ -26,8 +26,8 @@ TRUE = axis(DISTANCE, np.array([0.3, 0.25, 0.25, 0.2]))
 WRONG = axis(np.array([1.9e-3, 2.1e-3, 4e-3, 17e-3]), np.array([0.15, 0.15, 0.25, 0.45]))
 
 
-def solved(plant: Plant, seconds: float = 2.0) -> tuple[Misfit, np.ndarray]:
-    misfit = Misfit(plant, observe(runs(TRUE, seconds=seconds), J))
+def solved(plant: Plant, seconds: float = 2.0, true: Plant = TRUE) -> tuple[Misfit, np.ndarray]:
+    misfit = Misfit(plant, observe(runs(true, seconds=seconds), J))
     return misfit, solve(misfit, misfit.settle(misfit.vector(plant)))
 
 
@@ -125,3 +125,17 @@ def test_what_hardly_slips_does_not_say_how_late_elements_may_slip() -> None:
     distance = np.array([2e-3, 4e-3, 12e-3, 1e3])
     assert longest_break_away(distance, np.append(level, 9.0), seen) == pytest.approx(usual)
     assert longest_break_away(distance[3:], level[:1], seen) == pytest.approx(LONGEST_BREAK_AWAY * 1e3)
+
+
+def test_a_contact_that_gives_way_bit_by_bit_gets_many_elements_at_once() -> None:
+    smooth = axis(np.geomspace(1e-3, 40e-3, 40), np.full(40, 1 / 40))
+    misfit, x = solved(WRONG, true=smooth)
+    found = spread(misfit, x, 16)
+    assert found is not None
+    more, y = found
+    assert 4 < len(distances(more, y)) <= 16
+    assert more.cost(solve(more, y)) < 0.1 * misfit.cost(x)
+
+
+def test_a_contact_of_a_few_elements_gets_no_more() -> None:
+    assert spread(*solved(TRUE), 16) is None
