@@ -389,6 +389,9 @@ def test_what_a_coarse_look_rules_out_is_not_looked_at_exactly(monkeypatch: pyte
     exact, whole = [], Misfit.jacobian
     monkeypatch.setattr(Misfit, "jacobian", lambda m, *a: exact.append(not m.coarse) or whole(m, *a))
     x = nudge(misfit, misfit.vector(HEALTHY))
+    assert exact and not any(exact), "the coarse look errs by next to nothing of what is left"
+    exact.clear()
+    nudge(true := Misfit(plant, misfit.observations), true.vector(plant))
     assert any(exact)
     exact.clear()
     nudge(misfit, misfit.vector(HEALTHY), below=0.3 * misfit.cost(x))

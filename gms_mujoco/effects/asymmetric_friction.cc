@@ -25,8 +25,8 @@ const gms::Effect gms_effect_asymmetric_friction = {
     "backward). A constant difference that does not scale with the level is `torque_offset`. The contacts of `gms`,\n"
     "`lugre` and `dahl` are stronger as a whole, their stiffness with their level, or with s = 0 in their level alone. An\n"
     "element of `gms` that turns then drops to the level of the direction that it comes to, or with r = 0 carries its\n"
-    "force over, as a spring with two yield limits does: with s = 0 a constant torque, where the level does not depend\n"
-    "on speed.\n"
+    "force over, as a spring with two yield limits does. Where the level does not depend on speed that with s = 0 is a\n"
+    "constant torque, and so are `lugre` and `dahl` of exponent 1 with s = 1.\n"
     "Source: direction-dependent Coulomb and viscous coefficients, Armstrong-Helouvry, Dupont and Canudas de Wit,\n"
     "Automatica 30 (1994).",
     "The torque error has one value forward and another backward, and may lean with speed.",
