@@ -19,7 +19,7 @@ from .least_squares import nudge
 from .linear_model import cross_validated
 from .misfit import Misfit
 from .moments import refit_between
-from .placement import parted, spread
+from .placement import parted, placed_anew
 from .plant import Plant
 from .refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
 from .scales import Scales
@@ -211,9 +211,9 @@ def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
             now, left = _better(now, left, refine(*finer), _PARTED)
         if now is before:
             break
-    if _asks_for_more(now, left) and (finer := spread(now.misfit, now.vector, _MOST_ELEMENTS)) is not None:
-        elements = finer[0].coordinates.template["gms"].elements - now.plant["gms"].elements
-        now, left = _better(now, left, refine(*finer), 1 - (1 - _PARTED) ** elements)
+    if _asks_for_more(now, left) and (many := placed_anew(now.misfit, now.vector, most=_MOST_ELEMENTS)) is not None:
+        elements = many[0].coordinates.template["gms"].elements - now.plant["gms"].elements
+        now, left = _better(now, left, refine(*many), 1 - (1 - _PARTED) ** elements)
     return now, left
 
 

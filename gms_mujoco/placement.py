@@ -59,22 +59,16 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
     return misfit, x
 
 
-def placed_anew(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfit, Array] | None:
+def placed_anew(
+    misfit: Misfit, x: Array, fixed: Collection[str] = (), most: int | None = None
+) -> tuple[Misfit, Array] | None:
     """The same problem near a solution with all elements of `gms` placed anew; None where that leaves no less.
 
     Arguments as for `placed`, whose moves come first: few elements that are placed beside much that is wrong yet may go
-    further astray.
+    further astray. With `most` there are more of them, at most so many: a contact that gives way bit by bit asks for
+    many, and those that are parted one by one stand in each other's way.
     """
-    return _first_better(misfit, x, _anew(misfit, x), fixed) if may_be_anew(misfit) else None
-
-
-def spread(misfit: Misfit, x: Array, most: int) -> tuple[Misfit, Array] | None:
-    """The same problem near a solution with more elements of `gms`, at most so many, all placed anew; None where that
-    leaves no less.
-
-    A contact that gives way bit by bit asks for many, and those that are parted one by one stand in each other's way.
-    """
-    return _first_better(misfit, x, _anew(misfit, x, most), ()) if may_be_anew(misfit) else None
+    return _first_better(misfit, x, _anew(misfit, x, most), fixed) if may_be_anew(misfit) else None
 
 
 def may_be_anew(misfit: Misfit) -> bool:

@@ -92,8 +92,8 @@ _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
 _RIVALS = 0.25  # so much of what it promises where they may do so by chance
-_SURELY = 4.0  # times the cost with an effect: without it much more is left
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
+_SURELY = 4.0  # times the cost with an effect: without it much more is left
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from gms_mujoco import effects
 from gms_mujoco.least_squares import solve
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
-from gms_mujoco.placement import parted, placed, placed_anew, spread
+from gms_mujoco.placement import parted, placed, placed_anew
 from gms_mujoco.plant import Plant
 from gms_mujoco.starts import LONGEST_BREAK_AWAY, longest_break_away
 
@@ -130,7 +130,7 @@ def test_what_hardly_slips_does_not_say_how_late_elements_may_slip() -> None:
 def test_a_contact_that_gives_way_bit_by_bit_gets_many_elements_at_once() -> None:
     smooth = axis(np.geomspace(1e-3, 40e-3, 40), np.full(40, 1 / 40))
     misfit, x = solved(WRONG, true=smooth)
-    found = spread(misfit, x, 16)
+    found = placed_anew(misfit, x, most=16)
     assert found is not None
     more, y = found
     assert 4 < len(distances(more, y)) <= 16
@@ -138,4 +138,4 @@ def test_a_contact_that_gives_way_bit_by_bit_gets_many_elements_at_once() -> Non
 
 
 def test_a_contact_of_a_few_elements_gets_no_more() -> None:
-    assert spread(*solved(TRUE), 16) is None
+    assert placed_anew(*solved(TRUE), most=16) is None

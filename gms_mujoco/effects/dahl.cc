@@ -16,7 +16,8 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
     next[0] = 0;
   } else {
     // u = 1 - F / Fc along the motion obeys du/dx = -(k / Fc) sgn(u) |u|^exponent: integrated exactly.
-    const double u = 1 - direction * state[0] / limit, x = p[0] * level.stiffness_at(direction) / limit * std::fabs(m.displacement);
+    const double u = 1 - direction * state[0] / limit;
+    const double x = p[0] * level.stiffness_at(direction) / limit * std::fabs(m.displacement);
     double size;
     if (exponent == 1) {
       size = std::fabs(u) * std::exp(-x);

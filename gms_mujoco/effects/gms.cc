@@ -70,7 +70,7 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
   const double against = at.drops ? scale : other;
   const bool falls = at.drops && scale < other;  // in its level alone at once, as a whole where it gives way
-  return {back ? -1.0 : 1.0, (at.stiffens ? scale : 1) * std::fabs(m.displacement), scale, against,
+  return {back ? -1.0 : 1.0, at.stiffness_at(m.displacement) * std::fabs(m.displacement), scale, against,
           -p[2 * n + 1] * against, falls && !at.stiffens ? scale / other : 1, falls && at.stiffens, 0, 0, 0};
 }
 
