@@ -182,8 +182,9 @@ def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Arra
         return
     if at_floor(now, left, CLOSE_TO_FLOOR):
         misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
-        x = nudge(misfit, x)
-        if takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now)):
+        near = nudge(misfit, x)
+        if takes(left_of(now.misfit, now.vector), left_of(misfit, near), floor_of(now)):
+            yield misfit, near
             yield misfit, x
     if len(left.moments(floor_of(now))):
         calm, x = refit_between(now.misfit, now.vector)
