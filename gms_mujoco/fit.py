@@ -30,6 +30,7 @@ from .threads import one_blas_thread
 Array = NDArray[np.float64]
 
 _HABITS = 4  # of a log that are asked for, one after the other: early, earlier, time steps, what those take when
+_BEHIND = 4.0  # times a squared residual that is of use: a fit that leaves more after a few steps is not followed
 # Of friction that responses alone are told by: what a fit to them begins anew with, each time from its end. The first
 # alone, or both at once, end in several minima that lie side by side.
 _ANEW = (("attraction",), ("attraction", "static"))
@@ -173,7 +174,10 @@ def from_the_data(
         return _begun_without(unknown, plant, observations, fixed, report, below)
     first = best_start(plant, observations, fixed, report, below)
     report(0.5, "refining")
-    misfit, x = to_end(*begun(first, observations, fixed, below), fixed, 40, below)
+    misfit, x = begun(first, observations, fixed, below)
+    if misfit.cost(x) > _BEHIND * below:
+        return misfit, x
+    misfit, x = to_end(misfit, x, fixed, 40, below)
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = refined(misfit, x)
