@@ -444,7 +444,8 @@ class Search:
         earned = self._beside_load(_beside_contained([t for t in trials if t.name in passed and self._earns(t)]))
         if not earned:
             return False
-        if self.relogged(share=0.0):  # an effect may stand for what is the log's habit, however little that takes
+        left, *after = (left_of(r.misfit, r.vector) for r in (now.result, *(t.result for t in earned)))
+        if self.relogged(EARLY_SHARE * (1 - min(after) / left)):  # a weak effect may stand for what is the log's habit
             self.first(silent)
             return True
         chosen, others = simplest(earned)
