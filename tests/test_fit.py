@@ -1,6 +1,7 @@
 """fit: what a simulated axis was made of comes back, with intervals that mean something."""
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
-from gms_mujoco.fit import baseline, fit
+from gms_mujoco.fit import baseline, fit, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.intervals import block_sums, covariance
 from gms_mujoco.inverse import Observation
@@ -21,7 +22,7 @@ from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.refine import finished, refine
+from gms_mujoco.refine import finish, finished, refine, to_end
 from gms_mujoco.score import relative_error
 from gms_mujoco.simulate import simulate
 
@@ -406,6 +407,28 @@ def test_a_fit_is_finished_with_its_intervals() -> None:
     assert not near.plant.uncertainty and {"gms.coulomb", "viscous.coefficient"} <= set(whole.plant.uncertainty)
     fine = misfit.on_grids(whole.vector, 10.0)
     assert fine.cost(whole.vector) <= fine.cost(near.vector)
+
+
+def test_the_end_of_a_fit_leaves_no_more_than_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Less on the instants of where it began may be more on its own, where friction jumps."""
+    misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.0), J))
+    near = refine(misfit, misfit.vector(HEALTHY)).vector
+    worse = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
+    monkeypatch.setattr("gms_mujoco.refine.solve", lambda *a, **k: worse)
+    there = finish(misfit, near).vector
+    assert misfit.on_grids(there, 10.0).cost(there) <= misfit.on_grids(near, 10.0).cost(near)
+
+
+def test_a_fit_that_is_far_behind_after_a_few_steps_is_not_followed(
+    fitted: FitResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    followed, whole = [], to_end
+    monkeypatch.setattr(sys.modules["gms_mujoco.fit"], "to_end", lambda *a: followed.append(a) or whole(*a))
+    seen, cost = fitted.misfit.observations, fitted.misfit.cost(fitted.vector)
+    far = fit_observations(HEALTHY, seen, below=0.01 * cost)
+    assert not followed and far.misfit.cost(far.vector) > 0.04 * cost
+    near = fit_observations(HEALTHY, seen, below=1.1 * cost)
+    assert followed and near.misfit.cost(near.vector) < 1.1 * cost
 
 
 def test_the_covariance_is_symmetric_and_positive(fitted: FitResult) -> None:

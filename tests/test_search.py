@@ -13,7 +13,7 @@ from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.friction_shape import straightened
-from gms_mujoco.habits import acting_early
+from gms_mujoco.habits import EARLY_SHARE, acting_early
 from gms_mujoco.joint_fits import JointFits
 from gms_mujoco.judgement import Trial, left_of
 from gms_mujoco.linear_model import cross_validated
@@ -32,6 +32,26 @@ def _logged(record: Record, early: float, line: float) -> Record:
     held = (1 - early) * record.torque + early * np.append(record.torque[:1], record.torque[:-1])
     unknown = line * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(held)))
     return replace(record, signals={**record.signals, "torque": held + unknown})
+
+
+def test_an_effect_that_takes_far_more_than_a_habit_of_the_log_comes_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is missing presses the clocks apart as well, and so explains a little."""
+    shares: list[float] = []
+    for stiffness in (0.02, 0.1):
+        search = Search(observe(runs(HEALTHY + effects.Spring(stiffness=stiffness)), J), [], UNKNOWN)
+        search.first(silent)
+        first = search.steps[0].result
+        whole = fit_observations(first.plant + effects.Spring(stiffness=stiffness), search.seen)
+        trial = Trial("spring", whole, cross_validated(whole.misfit, whole.vector))
+        with monkeypatch.context() as m:
+            m.setattr(search, "is_worth_it", lambda *given: True)
+            m.setattr(search, "relogged", lambda share=EARLY_SHARE: shares.append(share))
+            m.setattr("gms_mujoco.search.carries", lambda *given: True)
+            search._accept([trial], {"spring": 1e-9})
+        taken = 1 - (whole.error / first.error) ** 2
+        assert shares[-2:] == [pytest.approx(EARLY_SHARE * taken, rel=1e-3), EARLY_SHARE]
 
 
 @pytest.mark.parametrize("early", [0.0, 0.5])
