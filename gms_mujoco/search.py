@@ -271,6 +271,9 @@ class Search:
         ]
         if added or unlisted is not None:
             return added
+        if not self.at_floor and self.relogged():  # the plant may have been led to where a habit shows
+            self.first(silent)
+            return True
         return self._drag_for_curve() or self._refined() or (self.waits and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:

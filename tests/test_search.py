@@ -1,6 +1,7 @@
 """The search for what is missing: what it lets go before it names an effect."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,8 @@ import pytest
 from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 
 from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
@@ -72,6 +75,17 @@ def test_a_habit_of_the_log_is_let_go_before_an_effect_is_named(early: float, mo
         assert skew == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
         assert search._accept([trial], {"spring": 1e-9})  # once: then it is named
     assert [s.effect for s in search.steps] == [None, "spring"]
+
+
+def test_a_habit_that_shows_only_out_of_a_local_optimum_is_allowed_for() -> None:
+    """Friction that never slips stands for a spring, as another one in each record: what it leaves hides when torques
+    acted, and that the spring."""
+    true = HEALTHY + effects.Spring(stiffness=0.05)
+    records = tuple(_logged(r, 0.5, 0.0) for use in ("fit", "validate") for r in runs(true, use))
+    found = diagnose(Dataset(Path(), records, true.kind, true.inertia))
+    assert [s.effect for s in found.steps] == [None, "spring"]
+    assert found.plant["spring"].stiffness == pytest.approx(0.05, rel=1e-3)
+    assert found.plant.provenance["clock_skew"] == pytest.approx(-0.5 * SAMPLE_TIME, rel=0.1)
 
 
 def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
