@@ -12,7 +12,7 @@ from .threads import each
 
 Array = NDArray[np.float64]
 
-_WORTH = 0.3  # of the tolerance: a step that promises less is not tried
+_WORTH = 0.03  # of the tolerance: a step that promises less is not tried
 _AHEAD = 20  # steps over which a cost may go on to fall as it did: as many as a fit has
 _COARSE = 0.1  # of the squared residual, that the square of the error of a coarse look may be
 _EXACT = 0.01  # of the same: no exact look finds anything that is much better
@@ -29,7 +29,6 @@ def solve(
     columns: NDArray[np.intp] | None = None,
     below: float = np.inf,
     enough: float = 0.0,
-    worth: float = _WORTH,
 ) -> Array:
     """The vector of least squares near `start`.
 
@@ -46,7 +45,6 @@ def solve(
         columns: the unknowns to move; None: all.
         below: a cost that is of use [N^2 m^2]; stops when that is out of reach at the pace of the last two steps.
         enough: a cost at which it stops [N^2 m^2].
-        worth: of the tolerance, that a step must promise to be tried.
     """
     lower, upper = misfit.bounds
     columns = np.arange(misfit.size) if columns is None else columns
@@ -71,7 +69,7 @@ def solve(
         before, growth = cost, 4.0
         for _ in range(12):
             step = np.linalg.solve(normal + damping * np.eye(len(free)), gradient[free] / scale) / scale
-            if float(gradient[free] @ step) < worth * tolerance * cost:
+            if float(gradient[free] @ step) < _WORTH * tolerance * cost:
                 break
             trial = x.copy()
             trial[moving] = np.clip(x[moving] - np.clip(step, -farthest, farthest), lower[moving], upper[moving])

@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
-_LAST_WORTH = 0.03  # of that: a step at the end that promises less is not tried
 _ACROSS = 3  # steps across jumps
 CLOSE_TO_FLOOR = 5.0  # times it: up to there, what stands between a fit and the noise may be how its elements slip
 _PARTS = (1.0, 0.5, 0.25)  # of such a step that are tried
@@ -89,7 +88,7 @@ def finish(misfit: Misfit, x: Array) -> FitResult:
         tolerance = _SHARP / len(misfit.residual(x))
         for _ in range(2):
             here = misfit.on_grids(x, _FINER)
-            there = solve(here, x, _LAST_STEPS, tolerance, worth=_LAST_WORTH)
+            there = solve(here, x, _LAST_STEPS, tolerance)
             if misfit.on_grids(there, _FINER).cost(there) > here.cost(x):
                 break  # better on the instants of x alone
             x = there
