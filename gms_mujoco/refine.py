@@ -86,12 +86,13 @@ def finish(misfit: Misfit, x: Array) -> FitResult:
     around = None
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
         tolerance = _SHARP / len(misfit.residual(x))
+        fine = misfit.on_grids(x, _FINER)
         for _ in range(2):
-            here = misfit.on_grids(x, _FINER)
-            there = solve(here, x, _LAST_STEPS, tolerance)
-            if misfit.on_grids(there, _FINER).cost(there) > here.cost(x):
+            there = solve(fine, x, _LAST_STEPS, tolerance)
+            anew = misfit.on_grids(there, _FINER)
+            if anew.cost(there) > fine.cost(x):
                 break  # better on the instants of x alone
-            x = there
+            x, fine = there, anew
         x = agreed(misfit, x, _LAST_STEPS)
         if any(o.jumps for o in misfit.observations):
             x, around = _across_jumps(misfit, x, tolerance)
