@@ -17,7 +17,7 @@ from .coordinates import all_labels
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
-from .misfit import Misfit
+from .misfit import FINER, Misfit
 from .noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
 from .observe import Data, driven, observe
 from .plant import Plant
@@ -275,7 +275,7 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
     records = [o for o in observations if isinstance(o, Observation)]
     memories = each(lambda o: _memory(plant, o), records)
     if noise is None:  # as a fit of this plant would estimate it
-        left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(records, memories, strict=True)]
+        left = [_applied(plant, o) - o.needed(plant, m, finer=FINER) for o, m in zip(records, memories, strict=True)]
         noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
     servos = tuple(compare_servo(plant, o, rng) for o in observations if isinstance(o, ServoObservation))
@@ -308,12 +308,12 @@ def quick_error(plant: Plant, observations: Sequence[Seen], near: Comparison) ->
     memories = [plant.carried(near.plant, r.memory) for r in near.records]
     memories += [np.empty(0)] * len(near.frfs)
     pairs = zip(observations, memories, strict=True)
-    needed = each(lambda pair: pair[0].needed(plant, pair[1] if len(pair[1]) else None), pairs)
+    needed = each(lambda pair: pair[0].look(plant, pair[1] if len(pair[1]) else None, FINER)[0], pairs)
     return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
 
 
 def _memory(plant: Plant, o: Observation) -> Array | None:
-    misfit = Misfit(plant, [o], fixed=all_labels(plant))
+    misfit = Misfit(plant, [o], fixed=all_labels(plant)).finely()
     return solve(misfit, misfit.settle(misfit.vector(plant)), max_steps=10) if misfit.n_memory else None
 
 
@@ -325,8 +325,8 @@ def _compare_one(
     plant: Plant, noise: Noise, o: Observation, memory: Array | None, rng: np.random.Generator
 ) -> RecordComparison:
     measured = _applied(plant, o)
-    needed = o.needed(plant, memory)
-    sampling = sampling_residual(o, plant, memory)
+    needed = o.needed(plant, memory, finer=FINER)
+    sampling = sampling_residual(o, plant, memory, FINER)
     floor = floor_residual(o, plant, memory, noise, rng, measured - needed, sampling)
     return RecordComparison(
         o.record.name,

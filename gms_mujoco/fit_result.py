@@ -180,7 +180,8 @@ def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list
     draws = np.random.default_rng(0).spawn(len(left))
 
     def one(i: int) -> Array:
-        return floor_residual(misfit.observations[i], plant, misfit.memory(x, i), noise, draws[i], left[i])
+        seen, memory = misfit.observations[i], misfit.memory(x, i)
+        return floor_residual(seen, plant, memory, noise, draws[i], left[i], finer=misfit.finer)
 
     return each(one, range(len(left)))
 

@@ -12,7 +12,15 @@ import numpy as np
 from .effect import Effect
 from .fit import fit_observations, from_the_data
 from .fit_result import FitResult, result_of
-from .friction_shape import BENDS, OF_REVERSALS, elastic_bristle, fading_damping, other_curve
+from .friction_shape import (
+    BENDS,
+    OF_REVERSALS,
+    SHAPE,
+    elastic_bristle,
+    fading_damping,
+    other_curve,
+    turning_round,
+)
 from .held_out import HeldOut, p_value
 from .judgement import (
     AT_FLOOR,
@@ -39,6 +47,7 @@ LAWS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
+_IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 
 
 @dataclass(frozen=True)
@@ -102,8 +111,11 @@ class FrictionLaw:
             if law.name in now.plant or law.name in self._taken:
                 continue
             most = _NEAR * now.misfit.cost(now.vector)
-            tried = [from_the_data(with_law(now.plant, form), search.seen, below=most) for form in _forms(law)]
+            in_reach = most * _IN_REACH if OF_REVERSALS in law.values else most
+            tried = [from_the_data(with_law(now.plant, form), search.seen, below=in_reach) for form in _forms(law)]
             misfit, x = min(tried, key=lambda t: t[0].cost(t[1]))
+            if most < misfit.cost(x) <= in_reach:
+                misfit, x = turning_round(misfit, x, law.name, most)
             if misfit.cost(x) > most:
                 continue
             result = result_of(misfit, x)
@@ -145,7 +157,9 @@ class FrictionLaw:
             + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
                else "with fewer unknowns")
         )  # fmt: skip
-        search.start = with_law(search.start, trial.law)
+        found = trial.result.plant[name].values
+        shape = {k: found[k] for k in SHAPE if k in found}
+        search.start = with_law(search.start, trial.law.replace(**shape))
         search.false.clear()
         if any(e.name not in search.start for e in trial.result.plant.effects):
             search.first(silent)

@@ -88,6 +88,14 @@ def _bent(now: FitResult, law: Effect, exponent: str) -> tuple[Misfit, Array] | 
     return misfit.onto(misfit.plant(x), x)
 
 
+def turning_round(misfit: Misfit, x: Array, law: str, below: float) -> tuple[Misfit, Array]:
+    """The problem of a fit, and its solution, with the exponent by which its law of friction turns round that suits it
+    best; see `refine` for `below`."""
+    free, y = misfit.onto(misfit.plant(x), x, freed=[f"{law}.{OF_REVERSALS}"])
+    y = refined(free, nudge(free, y, _STEPS), below=below)
+    return free.onto(free.plant(y), y)
+
+
 def fading_damping(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     """A fit with a bristle whose damping fades as it slides, where that takes a good part of what is left; else the
     same.

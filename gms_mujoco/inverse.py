@@ -580,16 +580,18 @@ class Observation:
     def _torque(self) -> float:
         return rms_torque(self.record)
 
-    def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
+    def needed(
+        self, plant: Plant, memory: Array | None = None, grid: Grid | None = None, finer: float = 1.0
+    ) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""
-        return plant.driven_inertia * self.accelerated(plant) - self.replay(plant, memory, grid)
+        return plant.driven_inertia * self.accelerated(plant) - self.replay(plant, memory, grid, finer)
 
     def accelerated(self, plant: Plant) -> Array:
         """(m,) band-limited acceleration, as the plant's sensor tells it [rad/s^2]."""
         return self.seen_by(plant).acceleration
 
-    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, Grid]:
+    def look(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> tuple[Array, Grid]:
         """What `needed` says, and the instants that it took."""
-        mean, instants = self.seen_by(plant)._mean(plant.joint(), memory)
+        mean, instants = self.seen_by(plant)._mean(plant.joint(), memory, finer)
         replayed = self.band(mean) - self.rigid
         return plant.driven_inertia * self.accelerated(plant) - replayed, Grid(instants)

@@ -35,6 +35,7 @@ ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by le
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _IMPOSSIBLE = 1e3  # times the torque
+FINER = 10.0  # than the instants that a replay usually takes, where an error is told, and for the last steps of a fit
 
 
 class Misfit:
@@ -65,6 +66,7 @@ class Misfit:
     ) -> None:
         self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)), freed=freed)
         self.coarse = coarse
+        self.finer = 1.0
         self.set_grids: list[Grid | None] | None = None
         self.slope_grids: list[Grid | None] | None = None
         self.set_steps: Array | None = None
@@ -218,7 +220,7 @@ class Misfit:
             if self.coarse or self.set_grids is not None:
                 needed = o.needed(plant, memory, grid)
             else:
-                needed, grid = o.look(plant, memory)
+                needed, grid = o.look(plant, memory, self.finer)
             return o.applied(plant, skew) - needed, grid
 
         parts = each(one, range(len(self.pieces)))
@@ -239,7 +241,14 @@ class Misfit:
         out.coarse = True
         return out
 
-    def on_grids(self, x: Array, finer: float) -> Misfit:
+    def finely(self) -> Misfit:
+        """The same problem for a last look, with torques at closer instants: how large an error is then hangs on no
+        instant that a replay of a plant next to this one would have taken."""
+        out = self._unseen()
+        out.finer = FINER
+        return out
+
+    def on_grids(self, x: Array, finer: float = FINER) -> Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
 
         Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.

@@ -60,8 +60,8 @@ def _to_its_end(
             if law is not None and law.held_out.total < search.held_out.total:
                 search.steps = before
                 friction.take(law)
-            else:
-                exchange(search)
+            elif exchange(search):
+                search.shape()  # what another effect had hidden of it may show now
             continue
         if law is not None:
             friction.take(law)

@@ -34,13 +34,14 @@ _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either d
 _IN_QUADRATURE = math.cos(math.radians(25))
 
 
-def exchange(search: Search) -> None:
-    """Tries in the place of each effect the others that earned it as well.
+def exchange(search: Search) -> bool:
+    """Tries in the place of each effect the others that earned it as well; whether any takes it.
 
     What was still missing when they were compared may have made one look like the other, or better, and so may
     friction that came out a little different beside each. Tried are those that could not be told apart, those of fewer
     free parameters that took nearly as much, a part of the effect, and short of the noise floor those that came close.
     """
+    exchanged = False
     for k in range(1, len(search.steps)):
         if k >= len(search.steps):
             break
@@ -58,6 +59,7 @@ def exchange(search: Search) -> None:
             trials.append(part)
         chosen, equal = simplest(trials)
         if chosen:
+            exchanged = True
             rest = [t for t in step.others if t.name != trials[chosen].name]
             rest.append(Trial(step.effect, step.result, step.held_out))
             search.steps = _along(search.steps, k, trials[chosen])
@@ -65,6 +67,7 @@ def exchange(search: Search) -> None:
         plant = search.steps[-1].result.plant
         alike = tuple(t.name for t in (trials[i] for i in equal) if t.name not in plant and not _hardly_leans(t, plant))
         search.steps[k] = replace(search.steps[k], confusable_with=alike)
+    return exchanged
 
 
 def _part(search: Search, step: Step) -> Trial | None:
