@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 # Parameters of a law that no fit frees unasked.
 _OF_SPEED, OF_REVERSALS = "stribeck_exponent", "exponent"  # of the curve over speed; over the way after a reversal
 _EXPONENTS = (_OF_SPEED, OF_REVERSALS)
+_EXPONENTIAL, _GAUSSIAN = 1.0, 2.0  # exponents of the usual Stribeck curves
 SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
-_VELOCITIES = (None, 0.1, 1.0)  # of a curve, in units of the rms velocity: its own, and between those of `starts`
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 BENDS = 0.6  # of its level, below which a bristle only bends, to begin with
@@ -47,15 +47,25 @@ _AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
+# Curves from which one of another exponent is looked for, of a law and the rms velocity: its own; the other of the two
+# usual ones; those whose velocities lie between those of `starts`.
+_CURVES: tuple[Callable[[Effect, float], Effect], ...] = (
+    lambda law, usual: law,
+    lambda law, usual: law.replace(**{_OF_SPEED: _EXPONENTIAL if law.values[_OF_SPEED] == _GAUSSIAN else _GAUSSIAN}),
+    lambda law, usual: weakened(law, 0.1 * usual),
+    lambda law, usual: weakened(law, usual),
+)
+
+
 def other_curve(
     now: FitResult, left: HeldOut, exponents: Sequence[str] = _EXPONENTS
 ) -> tuple[FitResult, HeldOut]:
     """A fit with another exponent of the curve of friction, which else no fit frees; the same where none takes a good
     part of what is left.
 
-    It is looked for from the present curve first, then from Stribeck curves of other velocities, between which and that
-    a fit may find no way. What friction does at steady speed need not ask for it: the curve is that of every reversal
-    too.
+    It is looked for from the present curve first, then from a Gaussian one (of that from an exponential one) and from
+    Stribeck curves of other velocities, between which and that a fit may find no way. What friction does at steady
+    speed need not ask for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
@@ -63,11 +73,10 @@ def other_curve(
     """
     usual = Scales.of(now.misfit.observations)["rad/s"]
     for name, exponent in [(e.name, x) for e in now.plant.effects if (x := _exponent_of(e)) and x in exponents]:
-        for velocity in _VELOCITIES if exponent == _OF_SPEED else (None,):
+        for begun in _CURVES if exponent == _OF_SPEED else _CURVES[:1]:
             if at_floor(now, left, _NEARLY_NOISE):
                 break
-            law = now.plant[name]
-            if bent := _bent(now, law if velocity is None else weakened(law, velocity * usual), exponent):
+            if bent := _bent(now, begun(now.plant[name], usual), exponent):
                 now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
     return now, left
 

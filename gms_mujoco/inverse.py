@@ -580,11 +580,9 @@ class Observation:
     def _torque(self) -> float:
         return rms_torque(self.record)
 
-    def needed(
-        self, plant: Plant, memory: Array | None = None, grid: Grid | None = None, finer: float = 1.0
-    ) -> Array:
+    def needed(self, plant: Plant, memory: Array | None = None, grid: Grid | None = None) -> Array:
         """(m,) band-limited torque that the plant needs along the motion [N m]; arguments as for `replay`."""
-        return plant.driven_inertia * self.accelerated(plant) - self.replay(plant, memory, grid, finer)
+        return plant.driven_inertia * self.accelerated(plant) - self.replay(plant, memory, grid)
 
     def accelerated(self, plant: Plant) -> Array:
         """(m,) band-limited acceleration, as the plant's sensor tells it [rad/s^2]."""

@@ -38,6 +38,22 @@ _IMPOSSIBLE = 1e3  # times the torque
 FINER = 10.0  # than the instants that a replay usually takes, where an error is told, and for the last steps of a fit
 
 
+def closest_look(
+    o: Seen | Together, plant: Plant, memory: Array | None, applied: Array,
+    finer: Sequence[float] = (1.0, FINER),
+) -> tuple[Array, Grid | None, float]:  # fmt: skip
+    """(m,) residual of an observation at the instants, by how much closer than usual, that leave least; those instants.
+
+    Where the speed touches zero between two samples no sample says whether the axis turned back, and friction goes
+    another way until it has slipped again: which it was is as little known as the state before a record.
+    """
+    looks = []
+    for by in finer:
+        needed, grid = o.look(plant, memory, by)
+        looks.append((applied - needed, grid, by))
+    return min(looks, key=lambda look: squared(look[0]))
+
+
 class Misfit:
     """Torque residuals of plants built like one template, over observations, as a function of one vector.
 
@@ -65,12 +81,11 @@ class Misfit:
         freed: Collection[str] = (),
     ) -> None:
         self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)), freed=freed)
-        self.coarse = coarse
-        self.finer = 1.0
+        self.coarse, self.twice = coarse, False
         self.set_grids: list[Grid | None] | None = None
         self.slope_grids: list[Grid | None] | None = None
         self.set_steps: Array | None = None
-        self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
+        self._looked: tuple[Array, list[Grid | None], list[float]] = np.empty(0), [], []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
         self.observe(observations)
         self.n_memory = template.joint().n_memory if memory else 0
@@ -211,28 +226,26 @@ class Misfit:
         plant, skew = self.plant(x), self.skew(x)
         impossible = plant.driven_inertia <= 0
 
-        def one(k: int) -> tuple[Array, Grid | None]:
+        def one(k: int) -> tuple[Array, Grid | None, float]:
             i, o = self.pieces[k]
-            memory = self.memory(x, i)
+            memory, applied = self.memory(x, i), o.applied(plant, skew)
             grid = o.sparse if self.set_grids is None else self.set_grids[k]
             if impossible:
-                return _IMPOSSIBLE * o.applied(plant, skew), None
+                return _IMPOSSIBLE * applied, None, 1.0
             if self.coarse or self.set_grids is not None:
-                needed = o.needed(plant, memory, grid)
-            else:
-                needed, grid = o.look(plant, memory, self.finer)
-            return o.applied(plant, skew) - needed, grid
+                return applied - o.needed(plant, memory, grid), grid, 1.0
+            return closest_look(o, plant, memory, applied, (1.0, FINER) if self.twice else (1.0,))
 
         parts = each(one, range(len(self.pieces)))
-        self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
-        out = np.concatenate([r for r, _ in parts])
+        self._looked, self._before = (x.copy(), [grid for _, grid, _ in parts], [finer for *_, finer in parts]), {}
+        out = np.concatenate([r for r, *_ in parts])
         out.flags.writeable = False
         return out
 
     def _unseen(self) -> Misfit:
         """The same problem, not looked at yet."""
         out = copy(self)
-        out._looked, out._before, out._residuals, out.floors = (np.empty(0), []), {}, {}, {}
+        out._looked, out._before, out._residuals, out.floors = (np.empty(0), [], []), {}, {}, {}
         return out
 
     def coarsely(self) -> Misfit:
@@ -241,11 +254,11 @@ class Misfit:
         out.coarse = True
         return out
 
-    def finely(self) -> Misfit:
-        """The same problem for a last look, with torques at closer instants: how large an error is then hangs on no
-        instant that a replay of a plant next to this one would have taken."""
+    def closely(self) -> Misfit:
+        """The same problem for a last look, with torques at closer instants where these leave less, see
+        `closest_look`."""
         out = self._unseen()
-        out.finer = FINER
+        out.twice = True
         return out
 
     def on_grids(self, x: Array, finer: float = FINER) -> Misfit:
@@ -285,10 +298,17 @@ class Misfit:
         return self.coordinates.decode(x[: self.coordinates.size])
 
     def grids(self, x: Array) -> list[Grid | None]:
-        """The instants at which the torques of each observation are taken at `x`."""
+        """The instants at which the torques of each piece are taken at `x`."""
+        return self._looked_at(x)[1]
+
+    def finer(self, x: Array) -> list[float]:
+        """By how much closer than usual those are."""
+        return self._looked_at(x)[2]
+
+    def _looked_at(self, x: Array) -> tuple[Array, list[Grid | None], list[float]]:
         if not np.array_equal(self._looked[0], x):
             self._look(x)
-        return self._looked[1]
+        return self._looked
 
     def change(self, x: Array, there: Plant, name: str) -> Array:
         """(m,) change of the residual where one effect of the plant at `x` is changed or added.

@@ -95,7 +95,7 @@ def finish(misfit: Misfit, x: Array) -> FitResult:
         x = agreed(misfit, x, _LAST_STEPS)
         if any(o.jumps for o in misfit.observations):
             x, around = _across_jumps(misfit, x, tolerance)
-    return with_covariance(result_of(misfit.finely(), x), around)
+    return with_covariance(result_of(misfit.closely(), x), around)
 
 
 def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Whitened]:

@@ -17,7 +17,7 @@ from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.fit import fit, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.frf_observation import Seen
-from gms_mujoco.friction_law import FrictionLaw, _strays, choices, much_better, with_law
+from gms_mujoco.friction_law import _NEAR, FrictionLaw, _strays, choices, much_better, with_law
 from gms_mujoco.habits import as_logged
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
@@ -75,6 +75,21 @@ def test_a_bristle_that_turns_round_by_another_exponent_is_healthy() -> None:
     d = diagnose(dataset(Plant.axis(J) + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=1.6), SECONDS))
     assert d.verdict == "adequate" and not d.found and "dahl describes the friction" in d.steps[0].evidence
     assert d.plant["dahl"].values["exponent"] == pytest.approx(1.6, abs=0.05)
+
+
+def test_a_law_is_taken_with_the_exponent_that_brings_it_there() -> None:
+    """With the usual one it leaves more than the law whose place it takes, and is not looked at."""
+    true = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=0.5)
+    search = Search(observe(runs(true, seconds=SECONDS, torque_noise=TORQUE_NOISE), J), [], UNKNOWN)
+    own = fit_observations(UNKNOWN, search.seen)
+    usual = fit_observations(with_law(UNKNOWN, effects.Dahl()), search.seen)
+    assert usual.error**2 > _NEAR * own.error**2
+    search.steps = [Step(None, own, held_out=cross_validated(own.misfit, own.vector))]
+    law = FrictionLaw(search, free=True)
+    trial = law.better()
+    assert trial is not None and trial.law.name == "dahl" and trial.result.error < 1.1 * trial.result.floor
+    law.take(trial)
+    assert search.start["dahl"].exponent == pytest.approx(0.5, abs=0.02)  # of what is looked for beside it, too
 
 
 def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:

@@ -16,6 +16,7 @@ from gms_mujoco.friction_shape import (
     more_elements,
     other_curve,
     spring_instead,
+    turning_round,
     with_exponents,
     without_vanished,
 )
@@ -61,6 +62,29 @@ def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
     assert with_exponents(before, HEALTHY) is before
     low, high = finished(with_exponents(found, HEALTHY)).plant.uncertainty["gms.stribeck_exponent"]
     assert low < exponent < high < 1.1 * low
+
+
+def test_a_gaussian_curve_is_found_where_no_step_from_an_exponential_one_leads_to_it() -> None:
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5)
+    true = HEALTHY.replace(law.replace(stribeck_exponent=2.0))
+    misfit = Misfit(HEALTHY.replace(law), observe(runs(true, seconds=6.0, seed=2, torque_noise=2e-6), J))
+    before = refine(misfit, misfit.vector(true))
+    found, _ = other_curve(before, cross_validated(before.misfit, before.vector))
+    assert found.plant["gms"].stribeck_exponent == pytest.approx(2.0, abs=0.1)
+    assert found.error < 0.15 * before.error
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.8])
+def test_the_exponent_by_which_a_law_turns_round_is_found_from_the_usual_one(exponent: float) -> None:
+    bare = Plant.axis(J) + effects.Viscous(coefficient=2e-5)
+    seen = observe(runs(bare + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=exponent), torque_noise=2e-6), J)
+    usual = bare + effects.Dahl(stiffness=2.0, coulomb=LEVEL)
+    misfit = Misfit(usual, seen)
+    x = misfit.vector(usual)
+    near, there = turning_round(misfit, x, "dahl", 0.0)
+    assert near.plant(there)["dahl"].exponent == pytest.approx(exponent, rel=0.02)
+    assert near.cost(there) < 0.02 * misfit.cost(x)
+    assert near.coordinates.labels == misfit.coordinates.labels  # and is no unknown
 
 
 def test_a_contact_that_gives_way_bit_by_bit_comes_down_to_the_noise_floor() -> None:

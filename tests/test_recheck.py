@@ -144,11 +144,11 @@ def test_an_effect_that_stood_in_for_another_makes_room_for_it() -> None:
         Step("torque_offset", first.result, held_out=first.held_out, others=(right,)),
         Step("cogging", both.result, held_out=both.held_out),
     ]
-    exchange(search)
+    assert exchange(search)
     assert [s.effect for s in search.steps] == [None, "asymmetric_friction", "cogging"]
     assert search.held_out.total < 0.5 * both.held_out.total
     assert "torque_offset" in [t.name for t in search.steps[1].others]
-    exchange(search)  # and stays
+    assert not exchange(search)  # and stays
     assert [s.effect for s in search.steps] == [None, "asymmetric_friction", "cogging"]
 
 
