@@ -17,7 +17,7 @@ from .coordinates import all_labels
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .least_squares import solve
-from .misfit import Misfit, closest_look
+from .misfit import Misfit
 from .noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
 from .observe import Data, driven, observe
 from .plant import Plant
@@ -275,7 +275,7 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
     records = [o for o in observations if isinstance(o, Observation)]
     memories = each(lambda o: _memory(plant, o), records)
     if noise is None:  # as a fit of this plant would estimate it
-        left = [closest_look(o, plant, m, _applied(plant, o))[0] for o, m in zip(records, memories, strict=True)]
+        left = [_applied(plant, o) - o.needed(plant, m) for o, m in zip(records, memories, strict=True)]
         noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
     servos = tuple(compare_servo(plant, o, rng) for o in observations if isinstance(o, ServoObservation))
@@ -307,9 +307,9 @@ def quick_error(plant: Plant, observations: Sequence[Seen], near: Comparison) ->
     applied = [o.applied(plant, skew) for o in observations]
     memories = [plant.carried(near.plant, r.memory) for r in near.records]
     memories += [np.empty(0)] * len(near.frfs)
-    known = zip(observations, memories, applied, strict=True)
-    left = each(lambda t: closest_look(t[0], plant, t[1] if len(t[1]) else None, t[2])[0], known)
-    return relative_error(left, applied)
+    pairs = zip(observations, memories, strict=True)
+    needed = each(lambda pair: pair[0].needed(plant, pair[1] if len(pair[1]) else None), pairs)
+    return relative_error([a - n for a, n in zip(applied, needed, strict=True)], applied)
 
 
 def _memory(plant: Plant, o: Observation) -> Array | None:
@@ -325,20 +325,20 @@ def _compare_one(
     plant: Plant, noise: Noise, o: Observation, memory: Array | None, rng: np.random.Generator
 ) -> RecordComparison:
     measured = _applied(plant, o)
-    left, _, finer = closest_look(o, plant, memory, measured)
-    sampling = sampling_residual(o, plant, memory, finer)
-    floor = floor_residual(o, plant, memory, noise, rng, left, sampling)
+    needed = o.needed(plant, memory)
+    sampling = sampling_residual(o, plant, memory)
+    floor = floor_residual(o, plant, memory, noise, rng, measured - needed, sampling)
     return RecordComparison(
         o.record.name,
         o.record.use,
-        relative_error([left], [measured]),
+        relative_error([measured - needed], [measured]),
         _simulation_error(plant, o, memory),
         relative_error([floor], [measured]),
         o.time,
         o.seen_by(plant).position[o.index],
         o.seen_by(plant).velocity[o.index],
         measured,
-        measured - left,
+        needed,
         floor,
         memory,
         sampling=sampling,

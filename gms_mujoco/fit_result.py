@@ -178,12 +178,9 @@ def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list
     """Of each observation the residual that noise like this would leave, no louder than what is left."""
     plant, left = misfit.plant(x), np.split(residual, misfit.splits)
     draws = np.random.default_rng(0).spawn(len(left))
-    numbers = [i for i, _ in misfit.pieces] if misfit.twice else []
-    closer = dict(zip(numbers, misfit.finer(x), strict=True)) if numbers else {}
 
     def one(i: int) -> Array:
-        o, finer = misfit.observations[i], closer.get(i, 1.0)
-        return floor_residual(o, plant, misfit.memory(x, i), noise, draws[i], left[i], finer=finer)
+        return floor_residual(misfit.observations[i], plant, misfit.memory(x, i), noise, draws[i], left[i])
 
     return each(one, range(len(left)))
 

@@ -47,11 +47,16 @@ _AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
+def _of_the_other_kind(law: Effect, usual: float) -> Effect:
+    """A law with a Gaussian curve; of a Gaussian one with an exponential."""
+    return law.replace(**{_OF_SPEED: _EXPONENTIAL if law.values[_OF_SPEED] == _GAUSSIAN else _GAUSSIAN})
+
+
 # Curves from which one of another exponent is looked for, of a law and the rms velocity: its own; the other of the two
 # usual ones; those whose velocities lie between those of `starts`.
 _CURVES: tuple[Callable[[Effect, float], Effect], ...] = (
     lambda law, usual: law,
-    lambda law, usual: law.replace(**{_OF_SPEED: _EXPONENTIAL if law.values[_OF_SPEED] == _GAUSSIAN else _GAUSSIAN}),
+    _of_the_other_kind,
     lambda law, usual: weakened(law, 0.1 * usual),
     lambda law, usual: weakened(law, usual),
 )
@@ -63,9 +68,9 @@ def other_curve(
     """A fit with another exponent of the curve of friction, which else no fit frees; the same where none takes a good
     part of what is left.
 
-    It is looked for from the present curve first, then from a Gaussian one (of that from an exponential one) and from
-    Stribeck curves of other velocities, between which and that a fit may find no way. What friction does at steady
-    speed need not ask for it: the curve is that of every reversal too.
+    It is looked for from the present curve first, then near the noise floor from a Gaussian one (of that from an
+    exponential one) and from Stribeck curves of other velocities, between which and that a fit may find no way. What
+    friction does at steady speed need not ask for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
@@ -76,6 +81,8 @@ def other_curve(
         for begun in _CURVES if exponent == _OF_SPEED else _CURVES[:1]:
             if at_floor(now, left, _NEARLY_NOISE):
                 break
+            if begun is _of_the_other_kind and not at_floor(now, left, CLOSE_TO_FLOOR):
+                continue
             if bent := _bent(now, begun(now.plant[name], usual), exponent):
                 now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
     return now, left

@@ -588,8 +588,8 @@ class Observation:
         """(m,) band-limited acceleration, as the plant's sensor tells it [rad/s^2]."""
         return self.seen_by(plant).acceleration
 
-    def look(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> tuple[Array, Grid]:
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, Grid]:
         """What `needed` says, and the instants that it took."""
-        mean, instants = self.seen_by(plant)._mean(plant.joint(), memory, finer)
+        mean, instants = self.seen_by(plant)._mean(plant.joint(), memory)
         replayed = self.band(mean) - self.rigid
         return plant.driven_inertia * self.accelerated(plant) - replayed, Grid(instants)

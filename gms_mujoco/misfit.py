@@ -35,23 +35,6 @@ ROUNDING = 1e-9  # of the residual: what a move of its whole reach changes by le
 _STEP = 1e-3  # of the derivatives
 _LEAST_STEP, _MOST_STEP = 0.03, 10.0  # times the usual one
 _IMPOSSIBLE = 1e3  # times the torque
-FINER = 10.0  # than the instants that a replay usually takes, where an error is told, and for the last steps of a fit
-
-
-def closest_look(
-    o: Seen | Together, plant: Plant, memory: Array | None, applied: Array,
-    finer: Sequence[float] = (1.0, FINER),
-) -> tuple[Array, Grid | None, float]:  # fmt: skip
-    """(m,) residual of an observation at the instants, by how much closer than usual, that leave least; those instants.
-
-    Where the speed touches zero between two samples no sample says whether the axis turned back, and friction goes
-    another way until it has slipped again: which it was is as little known as the state before a record.
-    """
-    looks = []
-    for by in finer:
-        needed, grid = o.look(plant, memory, by)
-        looks.append((applied - needed, grid, by))
-    return min(looks, key=lambda look: squared(look[0]))
 
 
 class Misfit:
@@ -81,11 +64,11 @@ class Misfit:
         freed: Collection[str] = (),
     ) -> None:
         self.coordinates = Coordinates(template, (*fixed, *untold(template, observations)), freed=freed)
-        self.coarse, self.twice = coarse, False
+        self.coarse = coarse
         self.set_grids: list[Grid | None] | None = None
         self.slope_grids: list[Grid | None] | None = None
         self.set_steps: Array | None = None
-        self._looked: tuple[Array, list[Grid | None], list[float]] = np.empty(0), [], []
+        self._looked: tuple[Array, list[Grid | None]] = np.empty(0), []
         self._before: dict[tuple[str, bool, bool], list[Array]] = {}  # pieces at `_looked`, for `change`
         self.observe(observations)
         self.n_memory = template.joint().n_memory if memory else 0
@@ -226,26 +209,28 @@ class Misfit:
         plant, skew = self.plant(x), self.skew(x)
         impossible = plant.driven_inertia <= 0
 
-        def one(k: int) -> tuple[Array, Grid | None, float]:
+        def one(k: int) -> tuple[Array, Grid | None]:
             i, o = self.pieces[k]
-            memory, applied = self.memory(x, i), o.applied(plant, skew)
+            memory = self.memory(x, i)
             grid = o.sparse if self.set_grids is None else self.set_grids[k]
             if impossible:
-                return _IMPOSSIBLE * applied, None, 1.0
+                return _IMPOSSIBLE * o.applied(plant, skew), None
             if self.coarse or self.set_grids is not None:
-                return applied - o.needed(plant, memory, grid), grid, 1.0
-            return closest_look(o, plant, memory, applied, (1.0, FINER) if self.twice else (1.0,))
+                needed = o.needed(plant, memory, grid)
+            else:
+                needed, grid = o.look(plant, memory)
+            return o.applied(plant, skew) - needed, grid
 
         parts = each(one, range(len(self.pieces)))
-        self._looked, self._before = (x.copy(), [grid for _, grid, _ in parts], [finer for *_, finer in parts]), {}
-        out = np.concatenate([r for r, *_ in parts])
+        self._looked, self._before = (x.copy(), [grid for _, grid in parts]), {}
+        out = np.concatenate([r for r, _ in parts])
         out.flags.writeable = False
         return out
 
     def _unseen(self) -> Misfit:
         """The same problem, not looked at yet."""
         out = copy(self)
-        out._looked, out._before, out._residuals, out.floors = (np.empty(0), [], []), {}, {}, {}
+        out._looked, out._before, out._residuals, out.floors = (np.empty(0), []), {}, {}, {}
         return out
 
     def coarsely(self) -> Misfit:
@@ -254,14 +239,7 @@ class Misfit:
         out.coarse = True
         return out
 
-    def closely(self) -> Misfit:
-        """The same problem for a last look, with torques at closer instants where these leave less, see
-        `closest_look`."""
-        out = self._unseen()
-        out.twice = True
-        return out
-
-    def on_grids(self, x: Array, finer: float = FINER) -> Misfit:
+    def on_grids(self, x: Array, finer: float) -> Misfit:
         """The same problem with torques taken at the instants that `x` needs for an error so many times smaller.
 
         Chosen anew for every `x`, the instants would make the residual jump by more than the last steps of a fit are.
@@ -298,17 +276,10 @@ class Misfit:
         return self.coordinates.decode(x[: self.coordinates.size])
 
     def grids(self, x: Array) -> list[Grid | None]:
-        """The instants at which the torques of each piece are taken at `x`."""
-        return self._looked_at(x)[1]
-
-    def finer(self, x: Array) -> list[float]:
-        """By how much closer than usual those are."""
-        return self._looked_at(x)[2]
-
-    def _looked_at(self, x: Array) -> tuple[Array, list[Grid | None], list[float]]:
+        """The instants at which the torques of each observation are taken at `x`."""
         if not np.array_equal(self._looked[0], x):
             self._look(x)
-        return self._looked
+        return self._looked[1]
 
     def change(self, x: Array, there: Plant, name: str) -> Array:
         """(m,) change of the residual where one effect of the plant at `x` is changed or added.

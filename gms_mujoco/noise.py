@@ -223,7 +223,7 @@ def choose_bandwidth(records: Sequence[Record], inertia: float | None = None) ->
 
 def floor_residual(
     observation: Seen, plant: Plant, memory: Array | None, noise: Noise, rng: np.random.Generator,
-    left: Array | None = None, sampling: Array | None = None, finer: float = 1.0,
+    left: Array | None = None, sampling: Array | None = None,
 ) -> Array:  # fmt: skip
     """(m,) residual that `plant` itself would leave on data like these; of a response its uncertainty [N m].
 
@@ -231,13 +231,12 @@ def floor_residual(
         left: (m,) what it leaves: the part of sensors is scaled down as `believable` says, that of `hidden_residual` to
             the power that is left beside it; None: neither is.
         sampling: (m,) of a record its `sampling_residual`, where that is known.
-        finer: than usual were the instants by which that was found.
     """
     if not isinstance(observation, Observation):
         drawn = observation.floor(rng)
         return drawn if left is None else believable(drawn, left)
     motion = simulated(observation, plant, memory, noise)
-    known = sampling_residual(observation, plant, memory, finer) if sampling is None else sampling
+    known = sampling_residual(observation, plant, memory) if sampling is None else sampling
     drawn = sensor_residual(observation, plant, memory, noise, rng, motion) + known
     hidden = hidden_residual(observation, plant, memory, motion)
     if left is None:
@@ -385,8 +384,6 @@ def _within(strayed: Array, most: float) -> Array:
     return np.asarray(strayed * np.minimum(most / np.maximum(usual, 1e-300), 1.0))
 
 
-def sampling_residual(
-    observation: Observation, plant: Plant, memory: Array | None, finer: float = 1.0
-) -> Array:
+def sampling_residual(observation: Observation, plant: Plant, memory: Array | None) -> Array:
     """(m,) part of `floor_residual` that is known: what closer instants between samples would still change [N m]."""
-    return observation.replay(plant, memory, finer=finer) - observation.replay(plant, memory, finer=_FINER)
+    return observation.replay(plant, memory) - observation.replay(plant, memory, finer=_FINER)

@@ -19,6 +19,7 @@ from .whitened import Whitened, root_of_inverse, whitened
 
 Array = NDArray[np.float64]
 
+_FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
 _ACROSS = 3  # steps across jumps
@@ -85,24 +86,24 @@ def finish(misfit: Misfit, x: Array) -> FitResult:
     around = None
     if not any(isinstance(o, ServoObservation) for o in misfit.observations):
         tolerance = _SHARP / len(misfit.residual(x))
-        fine = misfit.on_grids(x)
+        fine = misfit.on_grids(x, _FINER)
         for _ in range(2):
             there = solve(fine, x, _LAST_STEPS, tolerance)
-            anew = misfit.on_grids(there)
+            anew = misfit.on_grids(there, _FINER)
             if anew.cost(there) > fine.cost(x):
                 break  # better on the instants of x alone
             x, fine = there, anew
         x = agreed(misfit, x, _LAST_STEPS)
         if any(o.jumps for o in misfit.observations):
             x, around = _across_jumps(misfit, x, tolerance)
-    return with_covariance(result_of(misfit.closely(), x), around)
+    return with_covariance(result_of(misfit, x), around)
 
 
 def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Whitened]:
     """Where steps of Gauss and Newton end that look a standard deviation ahead, and what they see there: small jumps of
     the residual hold up a search that does not."""
     # What is better on the instants of x alone is not: each vector is judged on its own.
-    around, r = whitened(misfit, x), misfit.on_grids(x).residual(x)
+    around, r = whitened(misfit, x), misfit.on_grids(x, _FINER).residual(x)
     for _ in range(_ACROSS):
         cost = squared(r) + float(around.prior @ x**2)
         gradient = gram(around.slopes, r) + around.root.T @ (around.prior * x)
@@ -112,7 +113,7 @@ def _across_jumps(misfit: Misfit, x: Array, tolerance: float) -> tuple[Array, Wh
             break
         for part in _PARTS:
             there = np.clip(x - part * (around.root @ step), *misfit.bounds)
-            r = misfit.on_grids(there).residual(there)
+            r = misfit.on_grids(there, _FINER).residual(there)
             after = squared(r) + float(around.prior @ there**2)
             if after < cost:
                 break

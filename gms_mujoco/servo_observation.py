@@ -163,7 +163,7 @@ class ServoObservation:
     def grid(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> None:
         """None: nothing is replayed."""
 
-    def look(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> tuple[Array, None]:
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, None]:
         """What `needed` says."""
         return self.needed(plant), None
 

@@ -204,7 +204,7 @@ class Sines(ABC):
         """None: a motion in closed form has no samples."""
         return None
 
-    def look(self, plant: Plant, memory: Array | None = None, finer: float = 1.0) -> tuple[Array, None]:
+    def look(self, plant: Plant, memory: Array | None = None) -> tuple[Array, None]:
         """What `needed` says."""
         return self.needed(plant), None
 

@@ -6,7 +6,7 @@ from bench import HEALTHY, LEVEL, J, rms, runs
 
 from gms_mujoco import effects, threads
 from gms_mujoco.least_squares import _normal
-from gms_mujoco.misfit import FINER, Misfit
+from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
 
@@ -35,20 +35,6 @@ def test_a_residual_is_worked_out_once(problem: tuple[Misfit, np.ndarray, np.nda
     assert misfit.residual(x.copy()) is r and misfit.with_steps(x, 1.0).residual(x) is r
     assert not np.array_equal(misfit.coarsely().residual(x), r) and not r.flags.writeable
     assert np.array_equal(Misfit(MANY, misfit.observations).residual(x), r)
-
-
-def test_a_last_look_is_at_the_usual_instants_or_at_closer_ones_whichever_leave_less() -> None:
-    """Record by record, and at the same ones however often it is asked."""
-    misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.5), J))
-    close, x = misfit.closely(), misfit.vector(HEALTHY)
-    looks = [np.split(m.residual(x), misfit.splits) for m in (misfit, misfit.on_grids(x), close)]
-    closer = close.finer(x)
-    assert set(closer) <= {1.0, FINER}
-    for usual, fine, least, by in zip(*looks, closer, strict=True):
-        assert rms(least) <= min(rms(usual), rms(fine)) * (1 + 1e-12)
-        assert np.allclose(least, usual if by == 1 else fine, rtol=0, atol=1e-12)
-    close.residual(x + 1e-3)
-    assert close.finer(x) == closer and misfit.finer(x) == [1.0] * len(closer)
 
 
 def test_what_no_fit_frees_may_be_an_unknown(problem: tuple[Misfit, np.ndarray, np.ndarray]) -> None:
