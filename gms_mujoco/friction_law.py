@@ -15,10 +15,10 @@ from .fit_result import FitResult, result_of
 from .friction_shape import (
     BENDS,
     OF_REVERSALS,
-    SHAPE,
     elastic_bristle,
     fading_damping,
     other_curve,
+    shaped_as,
     turning_round,
 )
 from .held_out import HeldOut, p_value
@@ -157,9 +157,7 @@ class FrictionLaw:
             + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
                else "with fewer unknowns")
         )  # fmt: skip
-        found = trial.result.plant[name].values
-        shape = {k: found[k] for k in SHAPE if k in found}
-        search.start = with_law(search.start, trial.law.replace(**shape))
+        search.start = with_law(search.start, shaped_as(trial.law, trial.result.plant[name]))
         search.false.clear()
         if any(e.name not in search.start for e in trial.result.plant.effects):
             search.first(silent)

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 _OF_SPEED, OF_REVERSALS = "stribeck_exponent", "exponent"  # of the curve over speed; over the way after a reversal
 _EXPONENTS = (_OF_SPEED, OF_REVERSALS)
 _EXPONENTIAL, _GAUSSIAN = 1.0, 2.0  # exponents of the usual Stribeck curves
-SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
+_SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 BENDS = 0.6  # of its level, below which a bristle only bends, to begin with
@@ -152,6 +152,11 @@ def _nudged(now: FitResult, misfit: Misfit, x: Array) -> Array | None:
     below = now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x)
     x = nudge(misfit, x, _STEPS, below)
     return x if takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2) else None
+
+
+def shaped_as(law: Effect, found: Effect) -> Effect:
+    """A law of friction with the shape of the same law in a plant that was found: what no fit frees unasked."""
+    return law.replace(**{k: found.values[k] for k in _SHAPE if k in found.values})
 
 
 def straightened(now: FitResult) -> Plant | None:

@@ -31,13 +31,13 @@ from .fit import fit_as_logged, from_the_data
 from .fit_result import FitResult
 from .frf_observation import FrfObservation, Seen
 from .friction_shape import (
-    SHAPE,
     by_the_letter,
     elastic_bristle,
     fading_damping,
     following,
     more_elements,
     other_curve,
+    shaped_as,
     spring_instead,
     straightened,
     without_idle,
@@ -589,8 +589,7 @@ class Search:
         self.steps[-1] = replace(last, result=result, held_out=held_out)
         for e in self.start.effects:
             if e.name in result.plant:
-                chosen = result.plant[e.name].values
-                self.start = self.start.replace(e.replace(**{k: chosen[k] for k in SHAPE if k in chosen}))
+                self.start = self.start.replace(shaped_as(e, result.plant[e.name]))
         return (read if self.waits else bent) is not last.result
 
     def _refined(self) -> bool:
