@@ -135,7 +135,9 @@ def exact(law, t, torque):
         share = f * np.sign(v) / level(v)
         bend = v * (1 - share)  # sigma0 dz/dt = sigma0 (v - sigma0 |v| z / s)
         if law == "elastic":
-            bend = v * (1 - max(share - 0.6, 0) / 0.4)
+            edge = 0.6 * FC / level(v)
+            alpha = np.sin(np.pi / 2 * np.clip((share - edge) / (1 - edge), 0, 1)) ** 2
+            bend = v * (1 - alpha * share)
         return [v, (torque(now) - f - 1e-4 * bend) / J, spring * bend]
 
     return solve_ivp(rates, (0, t[-1]), [0, 0, 0], "LSODA", t, rtol=1e-10, atol=1e-13, max_step=1e-4).y[0]
@@ -196,7 +198,7 @@ def test_a_bristle_that_only_bends_holds_what_stays_below_its_share():
 
 def test_a_bristle_that_only_bends_unbends_along_a_straight_line():
     """From where it slides to the other side's share with sigma0 alone, where LuGre's is up to twice as stiff."""
-    q = path(0.0, 0.05, 0.05 - 2 * FC / 1.5, step=1e-6)
+    q = path(0.0, 0.1, 0.1 - 2 * FC / 1.5, step=1e-6)
     law = LAWS["elastic"].replace(damping=0.0, static=FC)
     force = friction(Plant.axis() + law, q)
     turn = int(np.argmax(q))
@@ -204,3 +206,18 @@ def test_a_bristle_that_only_bends_unbends_along_a_straight_line():
     straight = 1.5 * back < (1 + 0.6) * FC
     assert force[turn] == pytest.approx(FC, rel=1e-9)
     np.testing.assert_allclose(force[turn:][straight], FC - 1.5 * back[straight], atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.95])
+def test_a_bristle_that_only_bends_gives_way_as_published_whatever_the_step(share):
+    """One interval or many to the same place: the solution of the equation of Dupont and others."""
+    ways = np.geomspace(0.01, 10, 30)
+
+    def gives_way(_, pull):
+        return 1 - np.sin(np.pi / 2 * np.clip((pull - share) / (1 - share), 0, 1)) ** 2 * pull
+
+    exact = solve_ivp(gives_way, (0, ways[-1]), [0.0], "LSODA", ways, rtol=1e-10, atol=1e-12, max_step=0.01).y[0]
+    plant = Plant.axis() + effects.LuGre(stiffness=FC, coulomb=FC, static=FC, stribeck_velocity=VS, elastic=share)
+    for n in (1, 7, 1000):
+        reached = [friction(plant, np.linspace(0, way, n + 1))[-1] for way in ways]
+        np.testing.assert_allclose(reached, FC * exact, atol=5e-5 * FC)
