@@ -32,7 +32,7 @@ from .paths import searched
 from .plant import Plant
 from .progress import Progress, part, silent
 from .recheck import drop_last
-from .refine import finished
+from .refine import finished, gone_on
 from .remainder import describe, loudest
 from .score import Score, relative_error
 from .screen import Screen
@@ -338,7 +338,7 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
     """The last fit at its end, without effects that are none there, and since when the records are off it."""
     while True:
         kept = search.steps[-1]
-        free_to_bend = with_exponents(kept.result, start)
+        free_to_bend = gone_on(with_exponents(kept.result, start))
         if has_moments(kept.result, kept.held_out):
             return unbent(free_to_bend)
         last = finished(without_vanished(free_to_bend))

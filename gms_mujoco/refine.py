@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .fit_result import FitResult, result_of, with_covariance
 from .inverse import Observation
-from .least_squares import agreed, approach, solve
+from .least_squares import agreed, approach, nudge, solve
 from .misfit import Misfit
 from .placement import may_be_anew, placed, placed_anew
 from .servo_observation import ServoObservation
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 _FINER = 10.0  # than the instants that a replay takes, for the last steps
 _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no parameter by much of its interval
 _LAST_STEPS = 10  # of each solve at the end
+_STEPS_ON = 10  # of the parameters alone, from where a fit has ended
+_FURTHER = 0.98  # times an error: by less it is no way on
 _ACROSS = 3  # steps across jumps
 CLOSE_TO_FLOOR = 5.0  # times it: up to there, what stands between a fit and the noise may be how its elements slip
 _PARTS = (1.0, 0.5, 0.25)  # of such a step that are tried
@@ -74,6 +76,17 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
     # A residual with slips in it has jumps, at which derivatives over short steps lead a search to a halt.
     wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
     return solve(wide, x, max_steps, below=below)
+
+
+def gone_on(found: FitResult) -> FitResult:
+    """The same fit gone on with while noise leaves less, but not much less: a few steps of the parameters alone, and to
+    its end from there, may find a way on where its own last steps have found none."""
+    while found.floor < found.error <= CLOSE_TO_FLOOR * found.floor and not found.is_near_floor:
+        further = fit_to_end(found.misfit, nudge(found.misfit, found.vector, _STEPS_ON))
+        if further.error > _FURTHER * found.error:
+            break
+        found = further
+    return found
 
 
 def finished(found: FitResult) -> FitResult:
