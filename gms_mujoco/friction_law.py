@@ -230,8 +230,10 @@ def _told(plant: Plant, name: str) -> str:
 
 
 def with_law(plant: Plant, law: Effect) -> Plant:
-    """The plant with another law in the place of its own."""
-    return replace(plant, effects=tuple(law if e.name in LAWS else e for e in plant.effects))
+    """The plant with another law in the place of its own, and of one that was found beside that."""
+    own = law_of(plant)
+    kept = (e for e in plant.effects if e.name == own or e.name not in LAWS)
+    return replace(plant, effects=tuple(law if e.name == own else e for e in kept))
 
 
 def would_be_better(search: Search) -> str:

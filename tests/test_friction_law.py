@@ -58,6 +58,8 @@ def test_another_law_takes_the_place_of_the_first_and_nothing_else_changes() -> 
     changed = with_law(HEALTHY + HIDDEN["cogging"], BRISTLE["lugre"])
     assert changed.effects == (BRISTLE["lugre"], HEALTHY["viscous"], HIDDEN["cogging"])
     assert with_law(changed, HEALTHY["gms"]) == HEALTHY + HIDDEN["cogging"]
+    curved = Plant.axis(J) + effects.Dahl() + effects.Stribeck()  # which beside it is an effect
+    assert with_law(curved, HEALTHY["gms"]) == Plant.axis(J) + HEALTHY["gms"]
 
 
 @pytest.mark.parametrize("size", [1.0, 1e7])
