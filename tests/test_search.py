@@ -181,6 +181,23 @@ def test_a_curve_that_waits_for_nothing_comes_at_last(monkeypatch: pytest.Monkey
     assert search.at_floor
 
 
+def test_a_curve_is_looked_for_again_where_a_plant_has_come_well_below_where_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
+    search = Search(observe(runs(HEALTHY.replace(law), seconds=6.0, seed=3), J), [], baseline(J))
+    with monkeypatch.context() as unseen:
+        unseen.setattr("gms_mujoco.search.other_curve", lambda now, left: (now, left))
+        search.first(silent)
+    for name in ("_accept", "_accept_two", "_drag_for_curve", "_refined", "relogged"):
+        monkeypatch.setattr(search, name, lambda *given: False)
+    assert not search.add_one(silent) and search.steps[0].result.plant["gms"].stribeck_exponent == 1
+    now = search.steps[0].result
+    monkeypatch.setattr(search, "_shaped", replace(now, error=1.2 * now.error))
+    assert search.add_one(silent) and len(search.steps) == 1
+    assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
+
+
 @pytest.mark.parametrize(("travel", "loaded", "kept"), [(3.0, 1.3, False), (3.0, 5.0, True), (9.0, 1.3, True)])
 def test_friction_over_a_part_of_a_wave_gives_way_to_what_a_load_does(
     travel: float, loaded: float, kept: bool
