@@ -58,16 +58,15 @@ def to_end(misfit: Misfit, x: Array, fixed: Collection[str], max_steps: int, bel
     better, there = placed(misfit, x, fixed)
     if better is not misfit:
         x = _near(better, there, max_steps, below)
-    if may_be_anew(better) and _is_close(better, x) and (anew := placed_anew(better, x, fixed)):
+    if may_be_anew(better) and _is_close(result_of(better, x)) and (anew := placed_anew(better, x, fixed)):
         better, x = anew[0], _near(*anew, max_steps, below)
     return better, agreed(better, x, max_steps // 2)
 
 
-def _is_close(misfit: Misfit, x: Array) -> bool:
+def _is_close(found: FitResult) -> bool:
     """Whether a fit is above the noise floor and near it: elements that are placed anew beside much that is wrong yet
     take its place, and go further astray."""
-    here = result_of(misfit, x)
-    return not here.is_near_floor and here.error <= CLOSE_TO_FLOOR * here.floor
+    return not found.is_near_floor and found.error <= CLOSE_TO_FLOOR * found.floor
 
 
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
@@ -81,7 +80,7 @@ def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
 def gone_on(found: FitResult) -> FitResult:
     """The same fit gone on with while noise leaves less, but not much less: a few steps of the parameters alone, and to
     its end from there, may find a way on where its own last steps have found none."""
-    while found.floor < found.error <= CLOSE_TO_FLOOR * found.floor and not found.is_near_floor:
+    while found.error > found.floor and _is_close(found):
         further = fit_to_end(found.misfit, nudge(found.misfit, found.vector, _STEPS_ON))
         if further.error > _FURTHER * found.error:
             break

@@ -165,7 +165,7 @@ class Search:
         self.false: set[str] = set()  # effects that were added and taken away again
         self.hint: Hint | None = None  # what explains more than anything in the catalogue
         self.waits = False  # whether another curve of friction does, see `shape`
-        self._shaped: FitResult | None = None  # the last fit whose shape of friction was looked for
+        self._shaped_at = 0.0  # error of the last fit whose shape of friction was looked for
 
     @property
     def fits(self) -> JointFits:
@@ -276,7 +276,7 @@ class Search:
         if not self.at_floor and self.relogged():  # the plant may have been led to where a habit shows
             self.first(silent)
             return True
-        again = self.waits or self._led_on
+        again = self.waits or self.steps[-1].result.error < _LED_ON * self._shaped_at
         return self._drag_for_curve() or self._refined() or (again and self.shape(at_last=True))
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
@@ -589,16 +589,12 @@ class Search:
         bent, best = other_curve(read, left)
         self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
         result, held_out = (read, left) if self.waits else more_elements(bent, best)
-        self.steps[-1], self._shaped = replace(last, result=result, held_out=held_out), result
+        self.steps[-1] = replace(last, result=result, held_out=held_out)
+        self._shaped_at = result.error
         for e in self.start.effects:
             if e.name in result.plant:
                 self.start = self.start.replace(shaped_as(e, result.plant[e.name]))
         return (read if self.waits else bent) is not last.result
-
-    @property
-    def _led_on(self) -> bool:
-        """Whether the plant has come well below where its shape of friction was looked for."""
-        return self._shaped is not None and self.steps[-1].result.error < _LED_ON * self._shaped.error
 
     def _refined(self) -> bool:
         """Gives friction more elements where they earn it from where a trial has led the plant; whether it has any."""

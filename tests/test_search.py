@@ -192,8 +192,7 @@ def test_a_curve_is_looked_for_again_where_a_plant_has_come_well_below_where_it_
     for name in ("_accept", "_accept_two", "_drag_for_curve", "_refined", "relogged"):
         monkeypatch.setattr(search, name, lambda *given: False)
     assert not search.add_one(silent) and search.steps[0].result.plant["gms"].stribeck_exponent == 1
-    now = search.steps[0].result
-    monkeypatch.setattr(search, "_shaped", replace(now, error=1.2 * now.error))
+    monkeypatch.setattr(search, "_shaped_at", 1.2 * search.steps[0].result.error)
     assert search.add_one(silent) and len(search.steps) == 1
     assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
 
