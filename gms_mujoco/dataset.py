@@ -82,6 +82,10 @@ class Dataset:
         robot = self.robot.set_up(setup)
         return replace(self, records=tuple(robot.on(self.records)[0]), robot=robot)
 
+    def with_acting_load(self, sign: int) -> Dataset:
+        """The same measurements of an axis on which the logged load acts too, see `Record.with_acting_load`."""
+        return replace(self, records=tuple(r.with_acting_load(sign) for r in self.records))
+
     @property
     def all(self) -> tuple[Record | FRF | ServoRun, ...]:
         """Records, frequency responses and runs of a servo, whatever they are for."""
@@ -166,6 +170,10 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if axis.robot and records:
             records, on_robot = axis.robot.on(records)
             notes += on_robot
+        if axis.load_acts:
+            if not any("load" in r.signals for r in records):
+                raise DataError("axis.load_acts: no record has a load")
+            records = [r.with_acting_load(axis.load_acts) for r in records]
         records, failed = plausible.answered(records, axis.inertia)
         notes += failed
         records, split = _split(records, uses) if records else ([], "")

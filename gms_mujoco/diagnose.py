@@ -22,6 +22,7 @@ from .frf_observation import Seen, tells_another_noise
 from .friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .friction_shape import with_exponents, without_vanished
 from .given_inertia import corrected, free, is_doubtful
+from .given_load import corrected_load
 from .given_setup import corrected_setup
 from .held_out import p_value
 from .inverse import Observation
@@ -220,6 +221,8 @@ def diagnose(
     model in that way, and the evidence of the baseline says so, with the numbers; see `given_setup`. They are fitted
     again beside another law of friction, where the search ends with one.
 
+    A load that was logged, and that acts on the axis itself, is counted in the same way; see `given_load`.
+
     An inertia that is given stays too, unless the records contradict it: where another leaves much less, or as little
     as an effect that was found in its place, it is identified, and the evidence of the baseline says so.
 
@@ -253,7 +256,7 @@ def diagnose(
     report(0.0, "looking at the records")
     as_given, law_said, near = runs, "", None
     for turn in range(_TURNS):
-        runs, setup_said = corrected_setup(as_given, start)
+        runs, setup_said = (corrected_setup if as_given.robot else corrected_load)(as_given, start)
         seen = observe(runs.fit, start.inertia, plant=near)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
         select = observe(runs.select, start.inertia, bandwidth, near) if runs.select else []

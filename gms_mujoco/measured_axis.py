@@ -11,12 +11,13 @@ from typing import Any
 from . import columns
 from .columns import expect_known, number, subtable
 from .errors import DataError, listing
+from .record import LOAD_ACTS
 from .robot import Payload, Robot, Setup
 
 KINDS = ("hinge", "slide")
 ENCODER = ("encoder_counts_per_rev", "encoder_resolution")
 _SETUP = ("pose", "payload", "gravity", "zero", "reversed")
-_KEYS = ("kind", "inertia", *ENCODER, "torque_constant", "model", "joint", *_SETUP)
+_KEYS = ("kind", "inertia", *ENCODER, "torque_constant", "load_acts", "model", "joint", *_SETUP)
 
 
 class Axis:
@@ -33,6 +34,7 @@ class Axis:
         robot: None for a bare axis.
         inertia: [kg m^2] or [kg]; None: to be identified.
         torque_constant: [N m/A], None where not given; 1 where it is unknown.
+        load_acts: 1 or -1 where the logged load acts on the axis too, see `Record.with_acting_load`; 0 where not.
         in_amperes: the torque constant is unknown: torque stays in A.
 
     Raises:
@@ -61,6 +63,10 @@ class Axis:
                             f"{table['inertia']!r} given")
         else:
             self.inertia = _positive(table, "inertia", "kg m^2" if kind == "hinge" else "kg")
+        self.load_acts = table.get("load_acts", 0)
+        if "load_acts" in table and self.load_acts not in LOAD_ACTS:
+            raise DataError("axis.load_acts must be 1, for a load that pushes the axis in its direction, or -1; "
+                            f"{self.load_acts!r} given")
         own = columns.of_joint({k: v for k, v in table.items() if k == "torque_constant"}, "axis", self.joint)[0]
         self.in_amperes = own.get("torque_constant") == "unknown"
         if self.in_amperes:

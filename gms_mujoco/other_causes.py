@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .fit_result import FitResult
+from .history import carried, faded, way
 from .inverse import Observation, mean_torque, second_difference
 from .place_spectrum import wave
 
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 _HARMONICS = np.arange(1, 5)  # of an inertia
 _KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between which a torque constant goes in lines
 _SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
+_SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, over which something fades
+_GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
@@ -200,6 +203,71 @@ def _say_sag(now: FitResult, strength: Array) -> str:
             f"{100 * abs(gone):.2g} % where most is")  # fmt: skip
 
 
+def _of_heat(now: FitResult) -> list[Torques]:
+    """What a drive gives less, whose torque constant is another at first, and nears its end as the torque heats it."""
+    seen = records_of(now)
+    heats = [np.cumsum(o.record.torque**2) * o.sample_time for o in seen]
+    scales = _longest(heats) * _SCALES
+    return [_taking(_asked_for(now, o)[:, None] * faded(heat, scales)) for o, heat in zip(seen, heats, strict=True)]
+
+
+def _longest(gone: Sequence[Array]) -> float:
+    return max(max(float(x[-1]) for x in gone), 1e-300)
+
+
+def _largest(shares: Array) -> float:
+    """Of either sign."""
+    return float(shares[np.argmax(np.abs(shares))])
+
+
+def _in_course(strength: Array) -> Array:
+    """(50,) share that is taken from the beginning on."""
+    return np.asarray(faded(np.append(0.0, np.geomspace(1e-3, 1.0, 49)), _SCALES) @ strength)
+
+
+def _say_heat(now: FitResult, strength: Array) -> str:
+    first, *_, last = 1 - _in_course(strength)
+    return (f"a torque constant that {'falls' if last < first else 'grows'} in the course of a record, as the torque "
+            f"heats the motor, by {100 * abs(last / first - 1):.2g} %")  # fmt: skip
+
+
+# ------------------------------------------------------------------------------- friction that knows what has been
+
+
+def _of_way(now: FitResult) -> list[Torques]:
+    """Friction that is another at first, and nears its end over the way."""
+    seen = records_of(now)
+    gone = [way(o.velocity, o.sample_time) for o in seen]
+    scales = _longest(gone) * _SCALES
+    return [_taking(_of_friction(now, o)[:, None] * faded(g, scales)) for o, g in zip(seen, gone, strict=True)]
+
+
+def _say_way(now: FitResult, strength: Array) -> str:
+    first, *_, last = 1 / (1 - _in_course(strength))
+    return (f"friction that {'falls' if last < first else 'grows'} over the way in the course of a record, by "
+            f"{100 * abs(last / first - 1):.2g} %")  # fmt: skip
+
+
+# ------------------------------------------------------------------------------- a body that friction carries along
+
+
+def _of_body(now: FitResult) -> list[Torques]:
+    """What a body of an inertia of one takes that dry friction of several levels carries along."""
+    seen = records_of(now)
+    v, h = [o.velocity for o in seen], [o.sample_time for o in seen]
+    most = max(float(np.abs(second_difference(o.position, o.sample_time)).max()) for o in seen)
+    return [_taking(np.gradient(body, dt, axis=0)) for body, dt in zip(carried(v, h, most * _GRIPS), h, strict=True)]
+
+
+def _body(now: FitResult, strength: Array) -> float:
+    """Of its inertia, over that of the axis with it."""
+    return float(np.abs(strength).sum()) / now.plant.driven_inertia
+
+
+def _say_body(now: FitResult, strength: Array) -> str:
+    return f"a body of {100 * _body(now, strength):.2g} % of the inertia, that friction carries along and lets slip"
+
+
 # ------------------------------------------------------------------------------- what is another in each record
 
 
@@ -337,6 +405,20 @@ CAUSES = (
         ("hinge", "slide"), _of_power, lambda now, s: abs(_sagged(now, s)), _say_sag,
         "The voltage of the supply, logged beside the torque, while the axis speeds up as hard as it can.",
         taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_heat, lambda now, s: abs(_largest(_in_course(s))), _say_heat,
+        "One long record of the same motion again and again, with the temperature of the motor logged beside it.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_way, lambda now, s: abs(_largest(_in_course(s))), _say_way,
+        "The same slow motion over a long way, without a break, and once more from the beginning.",
+        taken_from=_of_friction,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_body, _body, _say_body,
+        "Steps of the torque, from small to large: a body that is carried along lets go at the same acceleration.",
     ),
     Cause(
         ("hinge", "slide"), _in_each(_asked_for), lambda now, s: _apart(s),

@@ -30,6 +30,7 @@ UNITS: Mapping[str, str] = {
     "transmitted_torque": "N m",
 }
 REQUIRED = ("torque", "position")
+LOAD_ACTS = (1, -1)  # a load that acts on the axis too: in its direction, or against it
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,13 @@ class Record:
         """(n,) signal by name, None where it was not recorded; for a load then what the gear transmits by the model."""
         found = self.signals.get(signal)
         return self.signals.get("transmitted_torque") if found is None and signal == "load" else found
+
+    def with_acting_load(self, sign: int) -> Self:
+        """The same record, of an axis on which the load acts as a torque, in its direction (1) or against it (-1)."""
+        if "load" not in self.signals:
+            return self
+        rigid = self.signals.get("rigid_torque", 0.0) - sign * self.signals["load"]
+        return replace(self, signals={**self.signals, "rigid_torque": rigid})
 
     def held(self, parts: int) -> Array:
         """(parts * n,) torque held over each of so many parts of a sample [N m].

@@ -16,6 +16,7 @@ from gms_mujoco.diagnose import diagnose
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import FitResult
+from gms_mujoco.history import carried
 from gms_mujoco.inverse import Observation
 from gms_mujoco.judgement import Trial
 from gms_mujoco.linear_model import cross_validated
@@ -25,6 +26,7 @@ from gms_mujoco.record import Record
 COGGING = effects.Cogging(harmonics=[13], amplitude=[0.2 * LEVEL], phase=[0.4])
 DRIFT = effects.ThermalDrift(amplitude=0.3, time_constant=1.0)
 ECCENTRIC = effects.EncoderEccentricity(amplitude=0.1, phase=0.7)
+COUPLED = effects.FlexibleCoupling(inertia=0.3 * J, frequency=40.0, damping=0.1)
 SATURATED = effects.TorqueSaturation(limit=6 * LEVEL)
 
 
@@ -62,6 +64,26 @@ def _cooling() -> list[Record]:
 def _fading(r: Record, share: float) -> Record:
     """The record of a motor that gives so much less than is asked for."""
     return _driven(r, r.torque / (1 - share))
+
+
+def _heated(r: Record) -> Record:
+    """The record of a motor whose torque constant falls by 30 %, over a heat of (4 L)^2 s."""
+    heat = np.cumsum(r.torque**2) * r.sample_time / (4 * LEVEL) ** 2
+    return _driven(r, r.torque / (0.7 + 0.3 * np.exp(-heat)))
+
+
+def _worn(r: Record) -> Record:
+    """The record of an axis whose friction begins half as strong again, and runs in over 20 rad."""
+    v = Observation(r, 100.0).velocity
+    gone = np.abs(v).cumsum() * r.sample_time
+    return _driven(r, r.torque + 0.5 * np.exp(-gone / 20) * (r.torque - J * np.gradient(v, r.time)))
+
+
+def _ringed(r: Record, share: float = 0.3, grip: float = 100.0) -> Record:
+    """The record of an axis with a ring of 30 % of its inertia, that lets slip at 100 rad/s^2."""
+    v = Observation(r, 100.0).velocity
+    (ring,) = carried([v], [r.sample_time], np.array([grip]))
+    return _driven(r, r.torque + share * J * np.gradient(ring[:, 0], r.time))
 
 
 def _driven(r: Record, torque: NDArray[np.float64]) -> Record:
@@ -105,6 +127,24 @@ def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
     assert told is not None
     assert told.groups()[1:] == (records[2].name, records[0].name)
     assert float(told[1]) == pytest.approx(10, abs=1.5)
+
+
+def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> None:
+    said = _said(DRIFT, [_heated(r) for r in runs(HEALTHY)])
+    told = re.match(r"a torque constant that falls in the course of a record, as .* heats the motor, by (.*) %,", said)
+    assert told is not None and float(told[1]) == pytest.approx(28, abs=3)
+
+
+def test_friction_that_runs_in_over_the_way_does_not_drift_in_time() -> None:
+    said = _said(DRIFT, [_worn(r) for r in runs(HEALTHY)])
+    told = re.match(r"friction that falls over the way in the course of a record, by (.*) %,", said)
+    assert told is not None and float(told[1]) == pytest.approx(33, abs=7)
+
+
+def test_a_body_that_friction_carries_along_is_no_coupling() -> None:
+    said = _said(COUPLED, [_ringed(r) for r in runs(HEALTHY)])
+    told = re.match(r"a body of (.*) % of the inertia, that friction carries along and lets slip,", said)
+    assert told is not None and float(told[1]) == pytest.approx(30, abs=8)
 
 
 def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
