@@ -67,7 +67,8 @@ def _to_its_end(
             friction.take(law)
             continue
         report((k + 1) / MOST_ROUNDS, "checking the order")
-        if not drop_false(search):
+        dropped = drop_false(search)
+        if not (search.reformed() or dropped):
             break
     else:
         drop_false(search)

@@ -63,6 +63,8 @@ def exchange(search: Search) -> bool:
             rest = [t for t in step.others if t.name != trials[chosen].name]
             rest.append(Trial(step.effect, step.result, step.held_out))
             search.steps = _along(search.steps, k, trials[chosen])
+            if k == len(search.steps):  # the last effect, without which the others do as well
+                break
             search.steps[k] = replace(search.steps[k], others=tuple(rest))
         plant = search.steps[-1].result.plant
         alike = tuple(t.name for t in (trials[i] for i in equal) if t.name not in plant and not _hardly_leans(t, plant))
@@ -127,17 +129,20 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
 def _along(steps: Sequence[Step], k: int, last: Trial) -> list[Step]:
     """The steps to a fit in which another effect stands in the place of that of step k, or none."""
     names = [s.effect for s in steps[1:]]
-    names[k - 1 : k] = [last.name] if last.name not in names else []
+    names[k - 1 : k] = [last.name] if last.name and last.name not in names else []
+    if len(names) < k:
+        return [*steps[: k - 1], replace(steps[k - 1], result=last.result, held_out=last.held_out)]
     fits = [last]
     for name in reversed(names[k:]):
         assert name is not None
         result = refine(*without(fits[0].result, name))
         fits.insert(0, Trial(name, result, cross_validated(result.misfit, result.vector)))
     out = list(steps[:k])
-    others = {s.effect: s.others for s in steps}
+    known = {s.effect: s for s in steps}
     for name, fit in zip(names[k - 1 :], fits, strict=True):
         p = p_value(out[-1].held_out, fit.held_out)
-        out.append(Step(name, fit.result, None, (), p, fit.held_out, others=others.get(name, ())))
+        step = known.get(name, Step(name, fit.result))
+        out.append(replace(step, result=fit.result, p_value=p, held_out=fit.held_out))
     return out
 
 
@@ -199,9 +204,9 @@ def _reject(search: Search, k: int) -> None:
 
 
 def _drop(search: Search, k: int, left: FitResult, held_out: HeldOut) -> None:
-    """Leaves out step k; the last plant becomes what is left without its effect."""
-    kept = [*search.steps[:k], *search.steps[k + 1 :]]
-    search.steps = [*kept[:-1], replace(kept[-1], result=left, held_out=held_out)]
+    """Leaves out step k; the last plant becomes what is left without its effect, as those on the way do."""
+    *_, last = search.steps[:k] + search.steps[k + 1 :]
+    search.steps = _along(search.steps, k, Trial(last.effect or "", left, held_out))
 
 
 # ------------------------------------------------------------------------------------- series over the place

@@ -45,7 +45,7 @@ from .friction_shape import (
 from .habits import EARLY_SHARE, as_logged
 from .held_out import HeldOut, p_value
 from .inverse import Observation
-from .joint_fits import JointFits, Rough, forms
+from .joint_fits import FORMS, JointFits, Rough, forms
 from .judgement import (
     AT_FLOOR,
     CLOSE,
@@ -166,6 +166,7 @@ class Search:
         self.hint: Hint | None = None  # what explains more than anything in the catalogue
         self.waits = False  # whether another curve of friction does, see `shape`
         self._shaped_at = 0.0  # error of the last fit whose shape of friction was looked for
+        self._formed: set[frozenset[str]] = set()  # effects together, of which each has the form that leaves least
 
     @property
     def fits(self) -> JointFits:
@@ -188,6 +189,7 @@ class Search:
         p = p_value(before.held_out, trial.held_out)
         out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
         out.seen, out.rejected, out.false, out.hint, out.waits = list(self.seen), [], set(), None, False
+        out._formed = set(self._formed)
         return out
 
     def left_out(self) -> list[tuple[str, float, Plant | None]]:
@@ -595,6 +597,25 @@ class Search:
             if e.name in result.plant:
                 self.start = self.start.replace(shaped_as(e, result.plant[e.name]))
         return (read if self.waits else bent) is not last.result
+
+    def reformed(self) -> bool:
+        """Gives the effects that were added the forms that leave least beside each other; whether any has another.
+
+        The form of one was chosen while what was found later was missing, or beside what was none.
+        """
+        names = frozenset(e.name for e in self.steps[-1].result.plant.effects)
+        alone = len(self.steps) == 2 and not self.false
+        if self.at_floor or alone or names in self._formed:
+            return False
+        self._formed.add(names)
+        before = self.steps[-1]
+        result = before.result
+        for name in (s.effect for s in self.steps if s.effect in FORMS):
+            result = self.fits.formed(name, result)
+        if result.error**2 > (1 - LEAST_GAIN) * before.result.error**2:
+            return False
+        self.steps[-1] = replace(before, result=result, held_out=cross_validated(result.misfit, result.vector))
+        return True
 
     def _refined(self) -> bool:
         """Gives friction more elements where they earn it from where a trial has led the plant; whether it has any."""

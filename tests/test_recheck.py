@@ -17,7 +17,7 @@ from gms_mujoco.linear_model import cross_validated
 from gms_mujoco.misfit import Misfit
 from gms_mujoco.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.recheck import drop_last, drop_ripple, exchange, undoing
+from gms_mujoco.recheck import drop_false, drop_last, drop_ripple, exchange, undoing
 from gms_mujoco.record import Record
 from gms_mujoco.search import Search, Step
 
@@ -110,6 +110,41 @@ def test_an_effect_that_leaves_no_less_at_the_end_of_its_fit_is_taken_away() -> 
     assert [s.effect for s in search.steps] == [None] and "gravity" in search.false
     assert [t.name for t in search.rejected] == ["gravity"]
     assert not drop_last(search, before), "a plant that nothing was added to stays"
+
+
+def test_an_effect_that_is_taken_away_is_in_no_plant_on_the_way() -> None:
+    """Nor is one left out of a plant that was found with it."""
+    shown = [HIDDEN["gravity"], HIDDEN["cogging"]]
+    idle = effects.QuadraticDrag(coefficient=1e-12)
+    search = Search(observe(runs(HEALTHY + shown[0] + shown[1]), J), [], UNKNOWN)
+    plant = UNKNOWN
+    for effect in (None, idle, *shown):
+        plant = plant if effect is None else plant + effect
+        result = fit_observations(plant, search.seen)
+        name = effect and effect.name
+        search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
+    assert drop_false(search) and search.false == {idle.name}
+    for i, step in enumerate(search.steps):
+        added = [e.name for e in step.result.plant.effects if e.name not in UNKNOWN]
+        assert added == [s.effect for s in search.steps[1 : i + 1]]
+    assert [s.effect for s in search.steps] == [None, "gravity", "cogging"]
+
+
+def test_an_effect_gets_the_form_that_leaves_least_beside_what_was_found_later() -> None:
+    """Short of the noise floor, and once beside the same."""
+    load = effects.PositionDependentFriction(harmonics=[1], amplitude=[0.3], phase=[0.5], stiffening=0.0)
+    search = Search(observe(runs(HEALTHY + load + HIDDEN["torque_offset"]), J), [], UNKNOWN)
+    plant = UNKNOWN
+    for effect in (None, load.replace(stiffening=1.0), HIDDEN["torque_offset"]):
+        plant = plant if effect is None else plant + effect
+        result = fit_observations(plant, search.seen)
+        name = effect and effect.name
+        search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
+    before = search.steps[-1].result
+    assert not search.at_floor and search.reformed()
+    after = search.steps[-1].result
+    assert after.plant[load.name].values["stiffening"] == 0 and after.error < 0.9 * before.error
+    assert not search.reformed()
 
 
 def test_two_effects_that_are_refused_alone_are_found_together(monkeypatch: pytest.MonkeyPatch) -> None:
