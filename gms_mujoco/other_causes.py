@@ -193,8 +193,7 @@ def _followed(o: Observation) -> Array:
 
 def _sagged(now: FitResult, strength: Array) -> float:
     """Share of the torque constant that is gone where most is, of either sign."""
-    gone = np.concatenate([p @ strength for p in _drawn(now)])
-    return float(gone[np.argmax(np.abs(gone))])
+    return _largest(np.concatenate([p @ strength for p in _drawn(now)]))
 
 
 def _say_sag(now: FitResult, strength: Array) -> str:
@@ -203,16 +202,35 @@ def _say_sag(now: FitResult, strength: Array) -> str:
             f"{100 * abs(gone):.2g} % where most is")  # fmt: skip
 
 
-def _of_heat(now: FitResult) -> list[Torques]:
-    """What a drive gives less, whose torque constant is another at first, and nears its end as the torque heats it."""
-    seen = records_of(now)
-    heats = [np.cumsum(o.record.torque**2) * o.sample_time for o in seen]
-    scales = _longest(heats) * _SCALES
-    return [_taking(_asked_for(now, o)[:, None] * faded(heat, scales)) for o, heat in zip(seen, heats, strict=True)]
+# ------------------------------------------------------------------------------- what fades in the course of a record
 
 
-def _longest(gone: Sequence[Array]) -> float:
-    return max(max(float(x[-1]) for x in gone), 1e-300)
+def _fading(
+    torque: Callable[[FitResult, Observation], Array], gone: Callable[[Observation], Array]
+) -> Callable[[FitResult], list[Torques]]:
+    """A torque (n,) by a share that is another at first, and nears its end as something goes by (n,)."""
+
+    def torques(now: FitResult) -> list[Torques]:
+        seen = records_of(now)
+        amounts = [gone(o) for o in seen]
+        scales = max(max(float(x[-1]) for x in amounts), 1e-300) * _SCALES
+        return [_taking(torque(now, o)[:, None] * faded(x, scales)) for o, x in zip(seen, amounts, strict=True)]
+
+    return torques
+
+
+def _heat(o: Observation) -> Array:
+    """(n,) that the torque has given a motor, but for a factor."""
+    return np.asarray(np.cumsum(o.record.torque**2) * o.sample_time)
+
+
+def _way(o: Observation) -> Array:
+    return way(o.velocity, o.sample_time)
+
+
+def _in_course(strength: Array) -> Array:
+    """(50,) share that is taken in the course of the longest record."""
+    return np.asarray(faded(np.append(0.0, np.geomspace(1e-3, 1.0, 49)), _SCALES) @ strength)
 
 
 def _largest(shares: Array) -> float:
@@ -220,32 +238,13 @@ def _largest(shares: Array) -> float:
     return float(shares[np.argmax(np.abs(shares))])
 
 
-def _in_course(strength: Array) -> Array:
-    """(50,) share that is taken from the beginning on."""
-    return np.asarray(faded(np.append(0.0, np.geomspace(1e-3, 1.0, 49)), _SCALES) @ strength)
+def _say_fading(what: str, change: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
+    def say(now: FitResult, strength: Array) -> str:
+        first, *_, last = change(_in_course(strength))
+        goes = "falls" if last < first else "grows"
+        return f"{what.format(goes)} in the course of a record, by {100 * abs(last / first - 1):.2g} %"
 
-
-def _say_heat(now: FitResult, strength: Array) -> str:
-    first, *_, last = 1 - _in_course(strength)
-    return (f"a torque constant that {'falls' if last < first else 'grows'} in the course of a record, as the torque "
-            f"heats the motor, by {100 * abs(last / first - 1):.2g} %")  # fmt: skip
-
-
-# ------------------------------------------------------------------------------- friction that knows what has been
-
-
-def _of_way(now: FitResult) -> list[Torques]:
-    """Friction that is another at first, and nears its end over the way."""
-    seen = records_of(now)
-    gone = [way(o.velocity, o.sample_time) for o in seen]
-    scales = _longest(gone) * _SCALES
-    return [_taking(_of_friction(now, o)[:, None] * faded(g, scales)) for o, g in zip(seen, gone, strict=True)]
-
-
-def _say_way(now: FitResult, strength: Array) -> str:
-    first, *_, last = 1 / (1 - _in_course(strength))
-    return (f"friction that {'falls' if last < first else 'grows'} over the way in the course of a record, by "
-            f"{100 * abs(last / first - 1):.2g} %")  # fmt: skip
+    return say
 
 
 # ------------------------------------------------------------------------------- a body that friction carries along
@@ -407,12 +406,14 @@ CAUSES = (
         taken_from=_asked_for,
     ),
     Cause(
-        ("hinge", "slide"), _of_heat, lambda now, s: abs(_largest(_in_course(s))), _say_heat,
+        ("hinge", "slide"), _fading(_asked_for, _heat), lambda now, s: abs(_largest(_in_course(s))),
+        _say_fading("a torque constant that {} as the torque heats the motor", lambda taken: 1 - taken),
         "One long record of the same motion again and again, with the temperature of the motor logged beside it.",
         taken_from=_asked_for,
     ),
     Cause(
-        ("hinge", "slide"), _of_way, lambda now, s: abs(_largest(_in_course(s))), _say_way,
+        ("hinge", "slide"), _fading(_of_friction, _way), lambda now, s: abs(_largest(_in_course(s))),
+        _say_fading("friction that {} over the way", lambda taken: 1 / (1 - taken)),
         "The same slow motion over a long way, without a break, and once more from the beginning.",
         taken_from=_of_friction,
     ),

@@ -131,7 +131,7 @@ def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
 
 def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> None:
     said = _said(DRIFT, [_heated(r) for r in runs(HEALTHY)])
-    told = re.match(r"a torque constant that falls in the course of a record, as .* heats the motor, by (.*) %,", said)
+    told = re.match(r"a torque constant that falls as the torque heats the motor .* of a record, by (.*) %,", said)
     assert told is not None and float(told[1]) == pytest.approx(28, abs=3)
 
 
