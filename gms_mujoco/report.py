@@ -145,7 +145,7 @@ def _steps(facts: dict[str, Any]) -> str:
         if s.get("confusable_with"):
             evidence += f" Could be confused with {escape(', '.join(s['confusable_with']))}."
         rows.append([escape(name), score.told(s.get("fit_error")), score.told(s.get("validate_error"))])
-        said += f"<p>{evidence[:1].upper()}{evidence[1:]}</p>" if evidence else ""
+        said += f"<p>{evidence}</p>" if evidence else ""
     scored = all(s.get("validate_error") is not None for s in facts["steps"])
     key, which = "validate_error", "on records that decided nothing"
     if not scored:
