@@ -9,11 +9,10 @@ from .fit import fit_as_logged
 from .fit_result import FitResult
 from .inverse import Observation
 from .judgement import leaves_much_less
-from .linear_model import LinearModel
 from .observe import observe
 from .plant import Plant
 from .record import LOAD_ACTS, Record
-from .tall import squared
+from .screen import Screen
 
 _PROMISES = 0.1  # of the squared error, that a torque along with the load has to take beside a plant that has bent
 _WAYS = ("in its direction", "against it")
@@ -53,7 +52,4 @@ def _takes(now: FitResult) -> float:
     seen = [o for o in now.misfit.observations if isinstance(o, Observation)]
     loads = [o.record.signals.get("load") for o in seen]
     torque = [np.zeros(len(o.index)) if x is None else o.band(x) for o, x in zip(seen, loads, strict=True)]
-    model = LinearModel(now.misfit, now.vector, now.misfit.residual(now.vector))
-    column = model.without(np.concatenate(torque)[:, None] * model.determined[:, None])[:, 0]
-    left = max(squared(column) * squared(model.target), 1e-300)
-    return float(column @ model.target) ** 2 / left
+    return Screen(now.misfit, now.vector).shape(np.concatenate(torque))[0]

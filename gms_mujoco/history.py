@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,23 +28,10 @@ def carried(velocities: Sequence[Array], sample_times: Sequence[float], grips: A
         sample_times: of each [s].
         grips: (k,) friction over the inertia of the body [rad/s^2 or m/s^2].
     """
-
-    def after(body: Array, v: Array, h: Array) -> Array:
-        return np.asarray(np.clip(v, body - grips * h, body + grips * h))
-
-    first = np.array([v[0] for v in velocities])[:, None]
-    return _followed(velocities, sample_times, np.repeat(first, len(grips), 1), after)
-
-
-def _followed(
-    velocities: Sequence[Array], sample_times: Sequence[float], first: Array,
-    after: Callable[[Array, Array, Array], Array],
-) -> list[Array]:  # fmt: skip
-    """(n, k) states along each record, all records at once, from the first (records, k) and what follows one where the
-    axis moves at velocities (records, 1) for sample times (records, 1)."""
     long = max(map(len, velocities))
-    v = np.stack([np.pad(x, (0, long - len(x))) for x in velocities], 1)[:, :, None]
-    h, states = np.asarray(sample_times)[:, None], np.empty((long, *first.shape))
+    v = np.stack([np.pad(x, (0, long - len(x))) for x in velocities], 1)[:, :, None]  # all records at once
+    most = np.multiply.outer(np.asarray(sample_times), grips)
+    body, states = np.broadcast_to(v[0], most.shape), np.empty((long, *most.shape))
     for i in range(long):
-        states[i] = first = after(first, v[i], h)
+        states[i] = body = np.clip(v[i], body - most, body + most)
     return [states[: len(x), k] for k, x in enumerate(velocities)]

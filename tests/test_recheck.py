@@ -10,6 +10,7 @@ from scipy import signal
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import result_of
 from gms_mujoco.judgement import Trial, carries
@@ -23,6 +24,16 @@ from gms_mujoco.search import Search, Step
 
 
 def quiet(done: float, message: str) -> None: ...
+
+
+def fit_steps(search: Search, *added: Effect) -> None:
+    """Gives a search a step for the baseline and one for each effect, each fitted to its end."""
+    plant = UNKNOWN
+    for effect in (None, *added):
+        plant = plant if effect is None else plant + effect
+        result = fit_observations(plant, search.seen)
+        name = effect and effect.name
+        search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
 
 
 
@@ -57,9 +68,7 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
     data = list(map(rippling, runs(HEALTHY))) if ripples else runs(HEALTHY + uneven)
     name = uneven.name
     search = Search(observe(data, J), [], UNKNOWN)
-    for effect, plant in ((None, UNKNOWN), (name, UNKNOWN + uneven)):
-        result = fit_observations(plant, search.seen)
-        search.steps.append(Step(effect, result, held_out=cross_validated(result.misfit, result.vector)))
+    fit_steps(search, uneven)
     said = drop_ripple(search)
     assert [s.effect for s in search.steps] == ([None] if ripples else [None, name])
     assert ("a torque constant that ripples with harmonic 6 of the place, by 12 %" in said) == ripples
@@ -117,12 +126,7 @@ def test_an_effect_that_is_taken_away_is_in_no_plant_on_the_way() -> None:
     shown = [HIDDEN["gravity"], HIDDEN["cogging"]]
     idle = effects.QuadraticDrag(coefficient=1e-12)
     search = Search(observe(runs(HEALTHY + shown[0] + shown[1]), J), [], UNKNOWN)
-    plant = UNKNOWN
-    for effect in (None, idle, *shown):
-        plant = plant if effect is None else plant + effect
-        result = fit_observations(plant, search.seen)
-        name = effect and effect.name
-        search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
+    fit_steps(search, idle, *shown)
     assert drop_false(search) and search.false == {idle.name}
     for i, step in enumerate(search.steps):
         added = [e.name for e in step.result.plant.effects if e.name not in UNKNOWN]
@@ -134,12 +138,7 @@ def test_an_effect_gets_the_form_that_leaves_least_beside_what_was_found_later()
     """Short of the noise floor, and once beside the same."""
     load = effects.PositionDependentFriction(harmonics=[1], amplitude=[0.3], phase=[0.5], stiffening=0.0)
     search = Search(observe(runs(HEALTHY + load + HIDDEN["torque_offset"]), J), [], UNKNOWN)
-    plant = UNKNOWN
-    for effect in (None, load.replace(stiffening=1.0), HIDDEN["torque_offset"]):
-        plant = plant if effect is None else plant + effect
-        result = fit_observations(plant, search.seen)
-        name = effect and effect.name
-        search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
+    fit_steps(search, load.replace(stiffening=1.0), HIDDEN["torque_offset"])
     before = search.steps[-1].result
     assert not search.at_floor and search.reformed()
     after = search.steps[-1].result
