@@ -24,9 +24,9 @@ from arguments import arguments
 from gms_mujoco import effects
 from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF
-from gms_mujoco.frf_observation import FrfObservation
-from gms_mujoco.harmonics import balance
+from gms_mujoco.identification.frf_observation import FrfObservation
 from gms_mujoco.plant import Plant
+from gms_mujoco.responses.harmonics import balance
 
 ERROR = 0.01
 NAMES = ("inertia", "gms.stiffness[0]", "gms.stiffness[1]", "gms.fraction[0]", "gms.coulomb", "gms.static",

@@ -26,7 +26,7 @@ import gms_mujoco as gms
 from gms_mujoco.bench import run_loop
 from gms_mujoco.excitation import Excitation
 from gms_mujoco.frf import FRF
-from gms_mujoco.frf_observation import observe_frfs
+from gms_mujoco.identification.frf_observation import observe_frfs
 from gms_mujoco.plant import Plant
 
 H, COUNT, NOISE = 5e-4, 2 * np.pi / 1e6, 2e-5

@@ -33,10 +33,10 @@ from gms_mujoco import effects, threads
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.excitation import multisine
 from gms_mujoco.frf import FRF
-from gms_mujoco.frf_observation import FrfObservation
-from gms_mujoco.harmonics import balance
+from gms_mujoco.identification.frf_observation import FrfObservation
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.responses.harmonics import balance
 from gms_mujoco.simulate import simulate
 
 H, COUNT = 5e-4, 2 * math.pi / 1e6

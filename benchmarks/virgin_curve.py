@@ -33,9 +33,9 @@ from gms_mujoco.dahl_resonance import (
 )
 from gms_mujoco.fit import baseline, fit
 from gms_mujoco.frf import FRF
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.resonance import Resonance, secant_curve, slope_curve
+from gms_mujoco.responses.resonance import Resonance, secant_curve, slope_curve
 from gms_mujoco.sweep import stepped_sine
 
 J, LEVEL, COUNT = 2.4e-5, 4.5e-3, 2 * math.pi / 1e6

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gms_mujoco import effects
 from gms_mujoco.effect import Effect
-from gms_mujoco.figure import COLOURS, Curve, plot
 from gms_mujoco.plant import Plant
+from gms_mujoco.views.figure import COLOURS, Curve, plot
 
 Array = NDArray[np.float64]
 

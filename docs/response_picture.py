@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 import gms_mujoco as gms
-from gms_mujoco.figure import COLOURS, Curve, plot
 from gms_mujoco.frf import FRF
-from gms_mujoco.motion import virgin_curve
+from gms_mujoco.identification.motion import virgin_curve
 from gms_mujoco.plant import Plant
+from gms_mujoco.views.figure import COLOURS, Curve, plot
 
 PAGES = Path(__file__).resolve().parent / "pages"
 PAGE = PAGES / "frequency_responses.md"

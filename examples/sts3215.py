@@ -15,8 +15,8 @@ from pathlib import Path
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import Dataset
+from gms_mujoco.identification.servo_observation import repeatability
 from gms_mujoco.progress import Bar
-from gms_mujoco.servo_observation import repeatability
 from gms_mujoco.servo_run import read_run
 
 LOGS = "sysid_sts3215_*.json"

@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .axis import Mechanism
-from .distortion import Distortion, find_distortion
 from .errors import DataError, listing
 from .excitation import Excitation
 from .frf import FRF, estimate_frf
 from .plant import Plant
 from .record import Record
+from .responses.distortion import Distortion, find_distortion
 from .simulate import simulate
 
 Array = NDArray[np.float64]

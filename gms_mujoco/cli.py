@@ -196,7 +196,7 @@ def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
     from .elements import choose_elements
     from .fit import baseline, fit
-    from .undetermined import by_experiment
+    from .identification.undetermined import by_experiment
 
     output = files.expect_writable(options.output)
     count = options.elements
@@ -223,7 +223,7 @@ def _fit(options: argparse.Namespace) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from .compare import compare
-    from .report import render_comparison
+    from .views.report import render_comparison
 
     output = files.expect_writable(options.json) if options.json else None
     page = files.expect_writable(options.report) if options.report else None
@@ -289,7 +289,7 @@ def _fleet(options: argparse.Namespace) -> None:
 def _frf(options: argparse.Namespace) -> None:
     from .dahl_resonance import identify_dahl
     from .frf import estimate_frf, join_sines, to_csv
-    from .resonance import antiresonances, find_resonance
+    from .responses.resonance import antiresonances, find_resonance
 
     output = files.expect_writable(options.output) if options.output else None
     for key in ("period", "segment"):
@@ -465,8 +465,8 @@ def _expect_kind(plant: Plant, runs: Dataset, file: str) -> None:
 
 def _write_diagnosis(folder: Path, diagnosis: Diagnosis) -> None:
     """The five files of a diagnosis, those that other programs read first."""
-    from .report import render
-    from .tour import write_recording
+    from .views.report import render
+    from .views.tour import write_recording
 
     files.write_text(folder / "diagnosis.json", as_json(diagnosis.to_dict()))
     diagnosis.baseline.save(folder / "baseline.toml")

@@ -10,25 +10,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .compare_frf import FrfComparison, compare_frf, table
-from .compare_servo import ServoComparison, compare_servo
-from .compare_servo import table as servo_table
-from .coordinates import all_labels
-from .frf_observation import FrfObservation, Seen
-from .inverse import Observation
-from .least_squares import solve
-from .misfit import Misfit
-from .noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
-from .observe import Data, driven, observe
+from .comparison.compare_frf import FrfComparison, compare_frf, table
+from .comparison.compare_servo import ServoComparison, compare_servo
+from .comparison.compare_servo import table as servo_table
+from .comparison.residual_maps import Regime, ResidualMap
+from .comparison.residuals import Residuals
+from .comparison.score import POSITION, TORQUE, Score, relative_error
+from .comparison.servo_residuals import ServoResiduals
+from .identification.coordinates import all_labels
+from .identification.frf_observation import FrfObservation, Seen
+from .identification.inverse import Observation
+from .identification.least_squares import solve
+from .identification.misfit import Misfit
+from .identification.noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
+from .identification.observe import Data, driven, observe
+from .identification.servo_observation import ServoObservation
+from .identification.time_steps import TOLD, as_fitted
 from .plant import Plant
 from .record import USES
-from .residual_maps import Regime, ResidualMap
-from .residuals import Residuals
-from .score import POSITION, TORQUE, Score, relative_error
-from .servo_observation import ServoObservation
-from .servo_residuals import ServoResiduals
 from .threads import each
-from .time_steps import TOLD, as_fitted
 
 Array = NDArray[np.float64]
 

@@ -34,9 +34,9 @@ from . import effects
 from .effect import Effect
 from .errors import DataError
 from .frf import FRF, usable
-from .harmonics import Balance, balance, fundamental, motion
 from .plant import Plant, slide_unit
-from .resonance import Resonance, find_resonance, secant_curve, slope_curve
+from .responses.harmonics import Balance, balance, fundamental, motion
+from .responses.resonance import Resonance, find_resonance, secant_curve, slope_curve
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

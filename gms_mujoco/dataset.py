@@ -12,13 +12,15 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from . import files, formats, frf_files, frf_table, plausible, record_files, servo_run
-from .columns import expect_known, subtable
+from . import files, formats, servo_run
 from .errors import DataError, listing
 from .frf import FRF
-from .measured_axis import ENCODER, Axis, encoder_count, joint_names
+from .logs import plausible, record_files
+from .logs.columns import expect_known, subtable
+from .logs.measured_axis import ENCODER, Axis, encoder_count, joint_names
+from .logs.robot import Robot, Setup
 from .record import USES, Record, told_uses
-from .robot import Robot, Setup
+from .responses import frf_files, frf_table
 from .servo_run import CONTROLLERS, ServoRun
 
 Array = NDArray[np.float64]

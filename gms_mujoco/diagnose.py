@@ -12,35 +12,35 @@ from numpy.typing import NDArray
 
 from . import effects
 from .compare import Comparison, compare_observations, quick_error
-from .custom import Shape, column, name_of
+from .comparison.score import Score, relative_error
 from .dataset import Dataset
+from .diagnosis.custom import Shape, column, name_of
+from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
+from .diagnosis.friction_shape import with_exponents, without_vanished
+from .diagnosis.given_inertia import corrected, free, is_doubtful
+from .diagnosis.given_load import corrected_load
+from .diagnosis.given_setup import corrected_setup
+from .diagnosis.judgement import AT_FLOOR
+from .diagnosis.moments import has_moments, unbent
+from .diagnosis.paths import searched
+from .diagnosis.recheck import drop_last
+from .diagnosis.remainder import describe, loudest
+from .diagnosis.search import Search, Step
 from .effect import Effect
 from .errors import DataError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
-from .frf_observation import Seen, tells_another_noise
-from .friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
-from .friction_shape import with_exponents, without_vanished
-from .given_inertia import corrected, free, is_doubtful
-from .given_load import corrected_load
-from .given_setup import corrected_setup
-from .held_out import p_value
-from .inverse import Observation
-from .judgement import AT_FLOOR
-from .moments import has_moments, unbent
-from .observe import driven, observe
-from .paths import searched
+from .identification.frf_observation import Seen, tells_another_noise
+from .identification.held_out import p_value
+from .identification.inverse import Observation
+from .identification.observe import driven, observe
+from .identification.refine import finished, gone_on
+from .identification.screen import Screen
+from .identification.time_steps import as_fitted
+from .identification.undetermined import never_slips
 from .plant import Plant
 from .progress import Progress, part, silent
-from .recheck import drop_last
-from .refine import finished, gone_on
-from .remainder import describe, loudest
-from .score import Score, relative_error
-from .screen import Screen
-from .search import Search, Step
 from .threads import one_blas_thread
-from .time_steps import as_fitted
-from .undetermined import never_slips
 
 Array = NDArray[np.float64]
 

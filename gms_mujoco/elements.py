@@ -11,11 +11,11 @@ from .effect import Effect
 from .errors import ModelError
 from .fit import fit_observations
 from .fit_result import FitResult
-from .linear_model import cross_validated
-from .observe import Data, driven, observe
+from .identification.linear_model import cross_validated
+from .identification.observe import Data, driven, observe
+from .identification.refine import finished
 from .plant import Plant
 from .progress import Progress, silent
-from .refine import finished
 
 COUNTS = (1, 2, 3, 4, 6, 8)
 

@@ -25,7 +25,7 @@ from .plant import Plant
 from .servo import Axes
 
 if TYPE_CHECKING:
-    from .scene import Scene
+    from .views.scene import Scene
 
 Array = NDArray[np.float64]
 

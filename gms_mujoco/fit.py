@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .candidates import is_open, joined
 from .effect import Effect
 from .errors import ModelError
 from .fit_result import FitResult, result_of
-from .frf_observation import FrfObservation, Seen, tells_another_noise, without_outliers
-from .habits import as_logged, may_be_otherwise
-from .least_squares import nudge
-from .misfit import Misfit
-from .observe import Data, driven, observe
+from .identification.candidates import is_open, joined
+from .identification.frf_observation import FrfObservation, Seen, tells_another_noise, without_outliers
+from .identification.habits import as_logged, may_be_otherwise
+from .identification.least_squares import nudge
+from .identification.misfit import Misfit
+from .identification.observe import Data, driven, observe
+from .identification.refine import finish, refined, to_end
+from .identification.rough import begun, best_start
+from .identification.screen import Screen
+from .identification.starts import ELEMENTS, other_weakenings, slipping_anew
 from .plant import Plant
 from .progress import Progress, part, silent
-from .refine import finish, refined, to_end
-from .rough import begun, best_start
-from .screen import Screen
-from .starts import ELEMENTS, other_weakenings, slipping_anew
 from .threads import one_blas_thread
 
 Array = NDArray[np.float64]

@@ -9,20 +9,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .intervals import covariance
-from .inverse import Observation
-from .misfit import Misfit
-from .noise import Noise, floor_residual, noise_of
+from .comparison.score import Score
+from .identification.intervals import covariance
+from .identification.inverse import Observation
+from .identification.misfit import Misfit
+from .identification.noise import Noise, floor_residual, noise_of
+from .identification.servo_observation import errors_of
+from .identification.tall import squared
+from .identification.time_steps import RESTS, TOLD, steps_of
+from .identification.undetermined import left_open, never_slips, undetermined
+from .identification.whitened import Whitened
 from .plant import Plant
 from .recent import kept
-from .score import Score
-from .servo_observation import errors_of
-from .tall import squared
 from .threads import each
-from .time_steps import RESTS, TOLD, steps_of
-from .undetermined import left_open, never_slips, undetermined
 from .version import __version__
-from .whitened import Whitened
 
 Array = NDArray[np.float64]
 

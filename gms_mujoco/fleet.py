@@ -29,16 +29,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import files
-from .bootstrap import BLOCK, redrawn, refit, residuals, with_intervals
 from .compare import compare
+from .comparison.score import POSITION, TORQUE, Score
 from .dataset import FILE, Dataset, joints, load
 from .diagnose import diagnose
 from .errors import DataError, GmsError, listing
 from .fit import baseline, fit
+from .identification.bootstrap import BLOCK, redrawn, refit, residuals, with_intervals
 from .plant import Plant
 from .progress import Progress, part, silent
 from .record import Record
-from .score import POSITION, TORQUE, Score
 from .version import __version__
 from .workers import Row, run
 

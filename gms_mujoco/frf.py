@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .errors import DataError, listing
 from .record import UNITS, USES, Record
-from .spectra import add_quantisation, find_period, periodic, welch
+from .responses.spectra import add_quantisation, find_period, periodic, welch
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -10,9 +10,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from .coordinates import Coordinates
 from .effect import KINDS
 from .errors import ModelError, listing
+from .identification.coordinates import Coordinates
 from .plant import Plant
 
 Array = NDArray[np.float64]

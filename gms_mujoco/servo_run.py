@@ -29,10 +29,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from . import columns as named
-from . import formats, timing
-from .columns import expect_known, subtable
+from . import formats
 from .errors import DataError, listing
+from .logs import columns as named
+from .logs import timing
+from .logs.columns import expect_known, subtable
 from .record import USES, told_uses
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DataError, ModelError, listing
+from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
 from .record import Record
-from .servo_observation import expect_servo, simulate_run
 from .servo_run import ServoRun
 
 Array = NDArray[np.float64]

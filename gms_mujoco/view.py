@@ -21,12 +21,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from . import drawing, files
-from .drawing import draw, series
+from . import files
 from .errors import DataError, GmsError
-from .figure import COLOURS, Curve
-from .portrait import write_portrait
-from .scene import Scene, end, record_motion
+from .views import drawing
+from .views.drawing import draw, series
+from .views.figure import COLOURS, Curve
+from .views.portrait import write_portrait
+from .views.scene import Scene, end, record_motion
 
 if TYPE_CHECKING:
     from .learn import Training

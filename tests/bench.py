@@ -11,11 +11,11 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit_result import FitResult
-from gms_mujoco.misfit import Misfit
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import refine
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.refine import refine
 from gms_mujoco.simulate import simulate
 
 J = 2.4e-5  # kg m^2

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from gms_mujoco import engine
+from gms_mujoco.identification.servo_observation import STEP
 from gms_mujoco.plant import Plant
-from gms_mujoco.servo_observation import STEP
 from gms_mujoco.servo_run import ServoRun
 
 MASS, ARM = 0.8, 0.12

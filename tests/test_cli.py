@@ -18,8 +18,8 @@ from gms_mujoco.dataset import load, save
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import Excitation
 from gms_mujoco.frf import estimate_frf
-from gms_mujoco.frf_table import from_table
 from gms_mujoco.plant import Plant
+from gms_mujoco.responses.frf_table import from_table
 from gms_mujoco.simulate import simulate
 
 ROBOT = """<mujoco><worldbody><body>

@@ -13,7 +13,7 @@ from gms_mujoco.compare import WINDOW, Comparison, compare, quick_error
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.observe import observe
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
 

@@ -17,7 +17,7 @@ from gms_mujoco.dahl_resonance import (
 from gms_mujoco.errors import DataError
 from gms_mujoco.frf import FRF
 from gms_mujoco.plant import Plant
-from gms_mujoco.resonance import Resonance, find_resonance, mass_line, secant_curve, slope_curve
+from gms_mujoco.responses.resonance import Resonance, find_resonance, mass_line, secant_curve, slope_curve
 from gms_mujoco.sweep import stepped_sine
 
 J, LEVEL = 2.4e-5, 4.5e-3

@@ -19,15 +19,15 @@ from gms_mujoco.compare import Comparison
 from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _comes_back, _loudest, _to_isolate, diagnose
+from gms_mujoco.diagnosis.joint_fits import FORMS
+from gms_mujoco.diagnosis.search import Step
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
-from gms_mujoco.inverse import Observation
-from gms_mujoco.joint_fits import FORMS
+from gms_mujoco.identification.inverse import Observation
+from gms_mujoco.identification.servo_observation import ServoObservation
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.search import Step
-from gms_mujoco.servo_observation import ServoObservation
 
 KEYS = {"schema", "verdict", "noise_floor", "steps", "candidates", "next_experiment"}
 

@@ -10,11 +10,11 @@ import servos
 import test_compare_servo as known
 
 from gms_mujoco import cli
-from gms_mujoco.candidates import applicable
 from gms_mujoco.dataset import load, save
 from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.errors import DataError, ModelError
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.candidates import applicable
+from gms_mujoco.identification.observe import observe
 from gms_mujoco.plant import Plant
 
 

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gms_mujoco import columns, formats, frf_files, frf_table, measured_axis, record_files, servo_run, units
+from gms_mujoco import formats, servo_run
 from gms_mujoco.cli import main
 from gms_mujoco.dataset import load
+from gms_mujoco.logs import columns, measured_axis, record_files, units
+from gms_mujoco.responses import frf_files, frf_table
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SETS = (DOCS / "pages" / "measurement_sets.md").read_text(encoding="utf-8")

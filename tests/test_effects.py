@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from gms_mujoco import effects, engine, harmonics
+from gms_mujoco import effects, engine
 from gms_mujoco.effect import KINDS, Effect
 from gms_mujoco.errors import ModelError
-from gms_mujoco.harmonics import ORDERS, SAMPLES
 from gms_mujoco.plant import Plant
+from gms_mujoco.responses import harmonics
+from gms_mujoco.responses.harmonics import ORDERS, SAMPLES
 
 EVERY = pytest.mark.parametrize("name", effects.CATALOGUE)
 NATIVE = pytest.mark.parametrize("name", [n for n, c in effects.CATALOGUE.items() if c.is_native])

@@ -10,20 +10,20 @@ from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
+from gms_mujoco.comparison.score import relative_error
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import baseline, fit, fit_observations
 from gms_mujoco.fit_result import FitResult
-from gms_mujoco.intervals import block_sums, covariance
-from gms_mujoco.inverse import Observation
-from gms_mujoco.least_squares import approach, nudge, solve
-from gms_mujoco.misfit import Misfit
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.intervals import block_sums, covariance
+from gms_mujoco.identification.inverse import Observation
+from gms_mujoco.identification.least_squares import approach, nudge, solve
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import finish, finished, refine, to_end
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
-from gms_mujoco.refine import finish, finished, refine, to_end
-from gms_mujoco.score import relative_error
 from gms_mujoco.simulate import simulate
 
 DRAG = Plant.axis(J) + effects.Viscous(coefficient=3e-4)
@@ -414,7 +414,7 @@ def test_the_end_of_a_fit_leaves_no_more_than_its_beginning(monkeypatch: pytest.
     misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.0), J))
     near = refine(misfit, misfit.vector(HEALTHY)).vector
     worse = misfit.vector(HEALTHY.replace(effects.Viscous(coefficient=4e-5)))
-    monkeypatch.setattr("gms_mujoco.refine.solve", lambda *a, **k: worse)
+    monkeypatch.setattr("gms_mujoco.identification.refine.solve", lambda *a, **k: worse)
     there = finish(misfit, near).vector
     assert misfit.on_grids(there, 10.0).cost(there) <= misfit.on_grids(near, 10.0).cost(near)
 

@@ -13,16 +13,16 @@ from gms_mujoco import cli, effects
 from gms_mujoco.dahl_resonance import identify_dahl, virgin_curve
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.judgement import is_told
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF, to_csv
-from gms_mujoco.frf_observation import FrfObservation
-from gms_mujoco.judgement import is_told
-from gms_mujoco.misfit import Misfit
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.frf_observation import FrfObservation
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
 from gms_mujoco.plant import Plant
-from gms_mujoco.resonance import find_antiresonance
+from gms_mujoco.responses.resonance import find_antiresonance
 from gms_mujoco.sweep import stepped_sine
 
 J, LEVEL, COUNT = 2.4e-5, 4.5e-3, 2 * np.pi / 1e6

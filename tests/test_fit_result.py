@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from bench import GMS, HEALTHY, HIDDEN, UNKNOWN, J, runs
 
+from gms_mujoco.diagnosis.judgement import at_floor
 from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult, result_of
-from gms_mujoco.judgement import at_floor
-from gms_mujoco.linear_model import cross_validated
-from gms_mujoco.misfit import Misfit
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.linear_model import cross_validated
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
 
 COARSE = 2 * np.pi / 4096  # rad
 

@@ -16,8 +16,8 @@ import pytest
 from bench import J, run
 
 from gms_mujoco import cli, dataset, effects, fleet, workers
-from gms_mujoco.coordinates import Coordinates
 from gms_mujoco.errors import DataError, GmsError
+from gms_mujoco.identification.coordinates import Coordinates
 from gms_mujoco.plant import Plant
 from gms_mujoco.sampling import sample
 

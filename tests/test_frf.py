@@ -9,8 +9,8 @@ from gms_mujoco.excitation import multisine
 from gms_mujoco.frf import FRF, estimate_frf, hold_factor, join_sines, to_csv
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
+from gms_mujoco.responses.spectra import find_period
 from gms_mujoco.simulate import simulate
-from gms_mujoco.spectra import find_period
 from gms_mujoco.sweep import stepped_sine
 
 J, SPRING, DRAG, H = 2.4e-5, 0.5, 1e-3, 5e-4

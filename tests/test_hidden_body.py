@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from gms_mujoco import effects, engine
 from gms_mujoco.errors import ModelError
 from gms_mujoco.excitation import multisine
-from gms_mujoco.inverse import Observation
+from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.simulate import simulate

@@ -65,11 +65,22 @@ OPTIONAL = {
 }  # fmt: skip
 
 
+# Folders that hold modules with places of their own; the other folders have one place each.
+GROUPS = {"logs", "responses", "identification", "comparison", "diagnosis", "views"}
+
+
+def _named(parts: tuple[str, ...]) -> str | None:
+    """The name in LAYERS of a path below the package; none for the package or a group by itself."""
+    inside = parts[1:] if parts and parts[0] in GROUPS else parts
+    return inside[0] if inside else None
+
+
 def _modules() -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     for path in PACKAGE.rglob("*.py"):
-        top = path.relative_to(PACKAGE).parts[0]
-        found.setdefault(top.removesuffix(".py"), []).append(path)
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        if not (parts[0] in GROUPS and parts[1] == "__init__"):
+            found.setdefault(_named(parts) or "", []).append(path)
     return found
 
 
@@ -80,7 +91,7 @@ def _imports(path: Path) -> tuple[set[str], set[str]]:
     """Modules of this package and of others that a file imports when it is loaded or run, annotations aside."""
     own: set[str] = set()
     other: set[str] = set()
-    depth = len(path.relative_to(PACKAGE).parts)
+    folders = path.relative_to(PACKAGE).parts[:-1]
 
     def visit(node: ast.AST, at_load: bool) -> None:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
@@ -89,8 +100,11 @@ def _imports(path: Path) -> tuple[set[str], set[str]]:
             other.update(a.name.split(".")[0] for a in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
             other.add((node.module or "").split(".")[0])
-        elif isinstance(node, ast.ImportFrom) and node.level == depth and at_load:
-            own.update([node.module.split(".")[0]] if node.module else [a.name for a in node.names])
+        elif isinstance(node, ast.ImportFrom) and at_load:
+            whence = (*folders[: len(folders) + 1 - node.level], *(node.module or "").split("."))
+            whence = tuple(part for part in whence if part)
+            named = _named(whence)
+            own.update([named] if named else [a.name for a in node.names])
         inside = at_load and not isinstance(node, ast.FunctionDef)
         for child in ast.iter_child_nodes(node):
             visit(child, inside)

@@ -11,10 +11,10 @@ from test_coordinates import every_effect, some_plant
 
 import gms_mujoco as gms
 from gms_mujoco import effects
-from gms_mujoco.coordinates import Coordinates
 from gms_mujoco.errors import ModelError
 from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.coordinates import Coordinates
 from gms_mujoco.plant import Plant
 from gms_mujoco.sampling import sample
 

@@ -11,12 +11,12 @@ import servos
 
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.fit import baseline
-from gms_mujoco.observe import observe
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.servo_observation import repeatability
 from gms_mujoco.plant import Plant
 from gms_mujoco.sampling import sample
-from gms_mujoco.search import Search
-from gms_mujoco.servo_observation import repeatability
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 import sts3215

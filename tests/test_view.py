@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 from told import tell
 
-from gms_mujoco import scene, tour, view
+from gms_mujoco import view
 from gms_mujoco.errors import GmsError
-from gms_mujoco.figure import COLOURS
+from gms_mujoco.views import scene, tour
+from gms_mujoco.views.figure import COLOURS
 
 PATIENCE = 120.0  # s until a picture shows what it should
 

@@ -27,7 +27,7 @@ from pyarrow import csv
 
 from ..errors import DataError
 from ..files import write_bytes
-from ..units import is_unit
+from ..logs.units import is_unit
 from . import Array, Table, real_and_imaginary, stamps
 
 SUFFIXES = (

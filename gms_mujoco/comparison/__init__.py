@@ -1,0 +1,1 @@
+"""Where a plant and measurements disagree, as data that report, pictures and recordings show."""

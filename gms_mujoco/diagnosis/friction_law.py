@@ -1,0 +1,251 @@
+"""The law of friction of an axis: whether the data ask for another than the one that a search began with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effect import Effect
+from ..fit import fit_observations, from_the_data
+from ..fit_result import FitResult, result_of
+from ..identification.held_out import HeldOut, p_value
+from ..identification.linear_model import cross_validated
+from ..identification.starts import to_identify
+from ..plant import Plant
+from ..progress import silent
+from .friction_shape import (
+    BENDS,
+    OF_REVERSALS,
+    elastic_bristle,
+    fading_damping,
+    other_curve,
+    shaped_as,
+    turning_round,
+)
+from .judgement import (
+    AT_FLOOR,
+    FALSE_DISCOVERY_RATE,
+    LEAST_GAIN,
+    MUCH_LESS,
+    floor_of,
+    leaves_much_less,
+    left_of,
+    takes,
+)
+from .search import Search, Step
+
+# Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
+# its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
+# but for a `dahl` with another exponent than 1, and a `stribeck` with a creep velocity: that gives way below its level
+# at once, and remembers nothing. So does `frictionloss`, which MuJoCo has and no bearing.
+LAWS: dict[str, dict[str, float]] = {
+    "gms": {}, "lugre": {}, "dahl": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
+}  # fmt: skip
+_STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
+_NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
+_IN_REACH = 10.0  # times it, from where another exponent may still bring it there
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A joint fit with another law of friction in the place of the plant's own, and what it leaves of each block.
+
+    Attributes:
+        law: as it stands before a fit.
+        clear: at the noise floor and worth it by all that an effect is judged by: nothing else need be tried.
+    """
+
+    law: Effect
+    result: FitResult
+    held_out: HeldOut
+    p_value: float
+    clear: bool
+
+
+class FrictionLaw:
+    """The choice of a law of friction beside the search for effects.
+
+    Args:
+        search: whose plant may change its law.
+        free: whether it may; else nothing is ever tried.
+
+    Attributes:
+        said: a sentence on the law where it is another than the first; else empty.
+    """
+
+    def __init__(self, search: Search, free: bool) -> None:
+        self._search = search
+        self._laws = choices(search.start) if free and search.timed else ()
+        self._taken: set[str] = set()  # each law at most once, so that there is an end
+        self.said = ""
+
+    def beside(self, search: Search) -> FrictionLaw:
+        """The choice beside another search, that has come from this one's."""
+        out = copy(self)
+        out._search, out._taken = search, set(self._taken)
+        return out
+
+    @property
+    def has_room(self) -> bool:
+        """Whether noise leaves enough of what the plant leaves for another law to be worth it."""
+        now = self._search.steps[-1].result
+        return takes(left_of(now.misfit, now.vector), floor_of(now), 0.0)
+
+    def better(self, asked: bool = False) -> Trial | None:
+        """The best of the other laws that earns its place beside what was found so far; None where the own one stays.
+
+        None is tried where noise leaves too little for any to be worth it, unless it is `asked` for. At the floor
+        already, whose tolerance has room for a wrong law that a stiff contact hides, another has to take as much of
+        everything as an effect there. In the place of one that has come out as no bearing is, any does that leaves no
+        more with fewer unknowns.
+        """
+        search, earned = self._search, []
+        now = search.steps[-1].result
+        least = left_of(now.misfit, now.vector)
+        strays = _strays(now.plant)
+        for law in self._laws if asked or strays or self.has_room else ():
+            if law.name in now.plant or law.name in self._taken:
+                continue
+            most = _NEAR * now.misfit.cost(now.vector)
+            in_reach = most * _IN_REACH if OF_REVERSALS in law.values else most
+            tried = [from_the_data(with_law(now.plant, form), search.seen, below=in_reach) for form in _forms(law)]
+            misfit, x = min(tried, key=lambda t: t[0].cost(t[1]))
+            if most < misfit.cost(x) <= in_reach:
+                misfit, x = turning_round(misfit, x, law.name, most)
+            if misfit.cost(x) > most:
+                continue
+            result = result_of(misfit, x)
+            # A bristle that bends, or whose damping fades, is no step further: without it a fit ends in another place.
+            # Nor is the exponent by which friction turns round.
+            bends = elastic_bristle(result, cross_validated(result.misfit, result.vector))
+            result, held_out = other_curve(*fading_damping(*bends), [OF_REVERSALS])
+            p = p_value(search.held_out, held_out)
+            worth = search.is_worth_it(result, held_out)
+            # The noise floors of two laws differ: of one that is stiffer the encoder shows less.
+            at_floor = held_out.total <= AT_FLOOR**2 * floor_of(result)
+            falls = search.held_out.total - held_out.total > LEAST_GAIN * search.held_out.total
+            earns = p < FALSE_DISCOVERY_RATE and (worth or (at_floor and falls and not search.at_floor))
+            fewer = result.misfit.coordinates.size < now.misfit.coordinates.size
+            no_more = left_of(result.misfit, result.vector) <= least and held_out.total <= search.held_out.total
+            if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
+                earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
+        return min(earned, key=lambda t: t.held_out.total, default=None)
+
+    def instead(self, steps: list[Step]) -> Trial | None:
+        """The best of the other laws that earns its place at the end of other steps, however little noise leaves."""
+        search = self._search
+        kept, search.steps = search.steps, steps
+        try:
+            return self.better(asked=True)
+        finally:
+            search.steps = kept
+
+    def take(self, trial: Trial) -> None:
+        """Begins the search anew with another law: what was found beside the wrong one is looked for again."""
+        search, name, first = self._search, trial.law.name, self._laws[0].name
+        self._taken.add(name)
+        was, now = search.steps[-1].result.error, trial.result.error
+        fall = f"the torque error falls from {100 * was:.2f} % to {100 * now:.2f} %"
+        if now >= was:
+            fall = "less is left of what a fit has not seen"
+        self.said = "" if name == first else (
+            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it {fall} "
+            + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
+               else "with fewer unknowns")
+        )  # fmt: skip
+        search.start = with_law(search.start, shaped_as(trial.law, trial.result.plant[name]))
+        search.false.clear()
+        if any(e.name not in search.start for e in trial.result.plant.effects):
+            search.first(silent)
+        else:
+            search.steps = [Step(None, trial.result, held_out=trial.held_out)]
+            search.shape()
+            if search.relogged():  # what the wrong law left was too much to see a habit of the log beside it
+                search.first(silent)
+
+
+def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
+    """Of searches with other laws of friction, which have not begun, those that may come to less than one that has
+    ended: whose first plant would with the effect that promises most. The most promising comes first.
+
+    Elements that bend as they like hide an effect in part, and leave less without it than the right law does. Frequency
+    responses at many amplitudes know friction so well that beside the wrong law nothing that is missing is seen, and
+    the right one alone does not show that it is: there every law is gone on with.
+    """
+    if not search.timed:
+        return list(others)
+    last = search.steps[-1].result
+    reach = []
+    for other in others:
+        if law_of(other.start) not in last.plant:
+            other.first(silent)
+            reach.append((other.within_reach(), other))
+    least = left_of(last.misfit, last.vector)
+    return [other for left, other in sorted(reach, key=lambda r: r[0]) if left < least]
+
+
+def much_better(search: Search, other: Search) -> str:
+    """A sentence where a search with another law of friction from its beginning leaves much less; else empty."""
+    before, after = search.steps[-1].result, other.steps[-1].result
+    if not (leaves_much_less(before, after) and search.selects(after)):
+        return ""
+    return (
+        f"{law_of(other.start)} describes the friction, in the place of {law_of(search.start)}: with it and what is "
+        f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
+    )
+
+
+def _strays(plant: Plant) -> bool:
+    """Whether friction comes out many times as strong at rest as while it slides: few samples told so, if any."""
+    laws = [e for e in plant.effects if "static" in e.values]
+    return any(float(np.asarray(e.static)) > _STRONGEST * float(np.asarray(e.coulomb)) for e in laws)
+
+
+def _forms(law: Effect) -> tuple[Effect, ...]:
+    """A law in each of the forms between which no fit finds a way."""
+    return (law, law.replace(elastic=BENDS)) if "elastic" in law.values and not law.elastic else (law,)
+
+
+def law_of(plant: Plant) -> str:
+    """The name of the law of a plant that has one."""
+    return next(e.name for e in plant.effects if e.name in LAWS)
+
+
+def choices(plant: Plant) -> tuple[Effect, ...]:
+    """The laws among which the data may choose, that of the plant first; none where it has none or several."""
+    own = [e for e in plant.effects if e.name in LAWS]
+    if len(own) != 1:
+        return ()
+    return (own[0], *(to_identify(name, **values) for name, values in LAWS.items() if name != own[0].name))
+
+
+def _told(plant: Plant, name: str) -> str:
+    """The name of the law of a plant, and what friction does by it where that is not what one expects of the name."""
+    creep, unit = plant.numbers().get(f"{name}.creep_velocity", (0.0, ""))
+    return f"{name}, which gives way below its level (creep velocity {creep:.3g} {unit})," if creep else name
+
+
+def with_law(plant: Plant, law: Effect) -> Plant:
+    """The plant with another law in the place of its own, and of one that was found beside that."""
+    own = law_of(plant)
+    kept = (e for e in plant.effects if e.name == own or e.name not in LAWS)
+    return replace(plant, effects=tuple(law if e.name == own else e for e in kept))
+
+
+def would_be_better(search: Search) -> str:
+    """That another law in the place of that of the last plant would leave much less of the torque; else nothing."""
+    last = search.steps[-1].result
+    above = last.error**2 - last.floor**2
+    laws = choices(last.plant) if search.timed and above > 0 else ()
+    for law in laws[1:]:
+        other = fit_observations(with_law(last.plant, law), last.misfit.observations)
+        if other.error**2 - last.floor**2 <= MUCH_LESS * above:
+            return (
+                f"friction is better described by {law.name} in the place of {laws[0].name}: "
+                f"{100 * other.error:.2f} % of the torque would be left instead of {100 * last.error:.2f} %"
+            )
+    return ""

@@ -1,0 +1,100 @@
+"""An inertia that is given, and that the records contradict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..fit_result import FitResult, result_of
+from ..identification.least_squares import nudge
+from ..identification.linear_model import cross_validated
+from ..identification.refine import fit_to_end, refined
+from ..logs.plausible import hint
+from ..plant import Plant
+from ..progress import silent
+from .judgement import AT_FLOOR, CLOSE, MUCH_LESS, Trial, floor_of, leaves_much_less, left_of, simplest, without
+from .moments import has_moments, refit_between
+from .paths import best
+from .search import Search
+
+_OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
+
+
+def free(plant: Plant) -> Plant:
+    """The plant with an inertia to be identified, from the one that is given."""
+    return replace(plant, inertia_known=False)
+
+
+def is_doubtful(search: Search, other: Search) -> bool:
+    """Whether another inertia than the given one would leave hardly more in the place of an effect that was found, or
+    with one effect that is still missing much less; also than what explains more than any effect would leave.
+
+    A load on a spring too soft to move it takes its inertia off the axis, and a late torque looks like a heavier one:
+    an effect may say no more than that a figure from a drawing is wrong.
+
+    Args:
+        search: that has ended.
+        other: from the same start but for the inertia, which is free; where that is needed it begins.
+    """
+    last = search.steps[-1].result
+    if not last.plant.inertia_known or search.fits.simulated:
+        return False
+    least, floor = left_of(last.misfit, last.vector), floor_of(last)
+    if search.hint is not None:
+        least = min(least, search.hint.left)
+    enough = max(CLOSE * least, AT_FLOOR**2 * floor)
+    undetermined = max(last.misfit.cost(last.vector) - left_of(last.misfit, last.vector), 0.0)
+    for step in search.steps[1:]:
+        misfit, x = without(last, str(step.effect))
+        misfit, x = misfit.onto(free(misfit.plant(x)), x)
+        x = nudge(misfit, x, below=_OF_USE * enough + undetermined)
+        if left_of(misfit, x) >= _OF_USE * enough or left_of(misfit, x := refined(misfit, x)) >= enough:
+            continue
+        if not search.at_floor or _is_as_good(fit_to_end(misfit, x), search):
+            return True
+    if search.at_floor or _is_told_between_moments(search):
+        return False
+    much_less = floor + MUCH_LESS * max(least - floor, 0.0)
+    misfit, x = last.misfit.onto(free(last.plant), last.vector)
+    if left_of(misfit, refined(misfit, nudge(misfit, x))) < much_less:
+        return True
+    # Friction that has bent beside a wrong inertia does not find back from where it is.
+    other.first(silent)
+    return other.within_reach() < much_less
+
+
+def _is_told_between_moments(search: Search) -> bool:
+    """Whether a few moments hold what a search has left, and no more than noise is between: no inertia does that."""
+    last = search.steps[-1]
+    if not has_moments(last.result, last.held_out):
+        return False
+    calm = result_of(*refit_between(last.result.misfit, last.result.vector))
+    return calm.error <= AT_FLOOR * calm.floor
+
+
+def _is_as_good(found: FitResult, search: Search) -> bool:
+    """Whether a fit is not told from that of a search that has ended."""
+    last = search.steps[-1]
+    trials = [Trial("", last.result, last.held_out), Trial("", found, cross_validated(found.misfit, found.vector))]
+    chosen, others = simplest(trials)
+    return 1 in (chosen, *others)
+
+
+def corrected(search: Search, other: Search) -> str:
+    """A sentence where a search that has identified the inertia leaves much less than one that took the given, or no
+    more than noise with fewer effects; else empty.
+
+    A torque that reads too little looks the same, as by a wrong torque constant.
+    """
+    before, after = search.steps[-1].result, other.steps[-1].result
+    # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
+    fewer = other.at_floor and len(other.steps) < len(search.steps) and best([search, other]) == 1
+    if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
+        return ""
+    (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
+    told, more = before.score.told, len(search.steps) - len(other.steps)
+    beside = f" with {more} effect{'s' * (more > 1)} more that would stand for the difference" if fewer else ""
+    return (
+        f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "
+        f"{given / found:.4g} times the torque{hint(given / found)}: with that the {after.score.name} is "
+        f"{told(after.error)}, else {told(before.error)}{beside}"
+    )

@@ -1,0 +1,444 @@
+"""Causes that no effect of the catalogue is, and that effects of it resemble: see `beyond`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ..fit_result import FitResult
+from ..identification.inverse import Observation, mean_torque, second_difference
+from ..identification.place_spectrum import wave
+from .history import carried, faded, way
+
+Array = NDArray[np.float64]
+
+_HARMONICS = np.arange(1, 5)  # of an inertia
+_KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between which a torque constant goes in lines
+_SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
+_SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, over which something fades
+_GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
+_FEWEST_RECORDS = 3  # that tell one of them from the others
+_IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
+_FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
+_FINER = 8  # times finer than a record tells two frequencies apart
+_MOVES = 0.02  # of the square of the velocity, at the frequency of a torque that is not the motion's own
+
+
+class Torques(NamedTuple):
+    """What a cause with several strengths takes along a record, each at a strength of one.
+
+    Attributes:
+        inertia: (n, k) that is added to that of the axis [kg m^2].
+        torque: (n, k) beside what that takes [N m].
+    """
+
+    inertia: Array
+    torque: Array
+
+    def band(self, o: Observation) -> Array:
+        """(m, k) band-limited torque."""
+        pull = second_difference(o.record.position, o.record.sample_time)[:, None]
+        return o.band(self.inertia * pull + self.torque).T
+
+    def beside(self, o: Observation, strength: Array) -> Observation:
+        """The observation of an axis that the cause acts on, with some strengths (k,)."""
+        added = {"inertia_change": self.inertia @ strength, "rigid_torque": self.torque @ strength}
+        return o.with_signals({k: v + o.record.signals.get(k, 0.0) for k, v in added.items()})
+
+
+def _taking(torque: Array) -> Torques:
+    """What a cause takes along a record (n, k) that leaves the inertia as it is."""
+    return Torques(np.zeros_like(torque), torque)
+
+
+class Cause(NamedTuple):
+    """A cause that no effect of the catalogue is.
+
+    Attributes:
+        kinds: of joints that it may be at work on.
+        torques: along observations, beside a fit to them; none where they give no reason to ask for it.
+        missing: share of what it takes from (inertia, torque constant, friction, torque) that strengths (k,) take away
+            where they take most.
+        say: what they are, and how large, beside a fit.
+        experiment: that shows it.
+        taken_from: torque (n,) along an observation, of which it takes a share, beside a fit; None where it takes from
+            nothing that was measured.
+    """
+
+    kinds: tuple[str, ...]
+    torques: Callable[[FitResult], list[Torques]]
+    missing: Callable[[FitResult, Array], float]
+    say: Callable[[FitResult, Array], str]
+    experiment: str
+    taken_from: Callable[[FitResult, Observation], Array] | None = None
+
+
+    def left(self, now: FitResult, torques: Sequence[Torques], strength: Array) -> list[float]:
+        """What strengths leave of the torque that they take a share of, in each record: standard deviation over that
+        before.
+
+        Of a torque with less of everything in it, anything leaves less.
+
+        Args:
+            now: the fit that it is beside.
+            torques: of the cause along each record.
+            strength: (k,) of them.
+        """
+        seen = records_of(now)
+        if self.taken_from is None:
+            return [1.0] * len(seen)
+        before = [self.taken_from(now, o) for o in seen]
+        after = [b - t.torque @ strength for b, t in zip(before, torques, strict=True)]
+        return [float(np.std(a)) / max(float(np.std(b)), 1e-300) for a, b in zip(after, before, strict=True)]
+
+
+def records_of(now: FitResult) -> list[Observation]:
+    """What was fitted of records in time."""
+    return [o for o in now.misfit.observations if isinstance(o, Observation)]
+
+
+# ------------------------------------------------------------------------------- an inertia that varies over the place
+
+
+def _of_revolution(now: FitResult) -> list[Torques]:
+    return [_along_revolution(o) for o in records_of(now)]
+
+
+def _along_revolution(o: Observation) -> Torques:
+    """d/dt of dL/dv less dL/dq for a kinetic energy J(q) v^2 / 2: J a + J' v^2 / 2."""
+    inertia = _waves(o.position)
+    cosines, sines = np.split(inertia, 2, 1)
+    slope = np.concatenate([-_HARMONICS * sines, _HARMONICS * cosines], 1)
+    return Torques(inertia, slope * o.velocity[:, None] ** 2 / 2)
+
+
+def _waves(position: Array) -> Array:
+    """(n, k) cosine and then sine of each harmonic over positions (n,)."""
+    angles = np.multiply.outer(position, _HARMONICS)
+    return np.concatenate([np.cos(angles), np.sin(angles)], 1)
+
+
+def _turned(strength: Array) -> Array:
+    """(720,) inertia over a revolution that strengths of its harmonics add [kg m^2]."""
+    return _waves(np.linspace(0, 2 * np.pi, 720, endpoint=False)) @ strength
+
+
+def _say_inertia(now: FitResult, strength: Array) -> str:
+    size = np.hypot(*np.reshape(strength, (2, -1)))
+    swing = np.ptp(_turned(strength)) / 2 / now.plant.driven_inertia
+    return (f"an inertia that varies along the revolution, by {100 * swing:.2g} % to either side, most of it "
+            f"{_HARMONICS[int(np.argmax(size))]} to a revolution")  # fmt: skip
+
+
+# ------------------------------------------------------------------------------- a drive that delivers less
+
+
+def _of_torque(now: FitResult) -> list[Torques]:
+    """What a drive gives less, whose torque constant changes with the torque that is asked for."""
+    most = _most_asked(now)
+
+    def one(o: Observation) -> Torques:
+        u = o.record.torque
+        less = np.stack([mean_torque(o.record, u * np.minimum(np.abs(u) / most, knot)) for knot in _KNOTS], 1)
+        return _taking(less)
+
+    return list(map(one, records_of(now)))
+
+
+def _most_asked(now: FitResult) -> float:
+    """The largest torque [N m]."""
+    return max(float(np.abs(o.record.torque).max()) for o in records_of(now))
+
+
+def _fallen(strength: Array) -> float:
+    """Share of the torque constant that is gone at the largest torque."""
+    return float(strength @ _KNOTS)
+
+
+def _say_constant(now: FitResult, strength: Array) -> str:
+    fallen = _fallen(strength)
+    return (f"a torque constant that {'falls' if fallen > 0 else 'grows'} with the torque, by {100 * abs(fallen):.2g} "
+            "% up to the largest")  # fmt: skip
+
+
+def _of_power(now: FitResult) -> list[Torques]:
+    """What a drive gives less, whose supply gives way to the power that is drawn, at once or late."""
+
+    def one(o: Observation, power: Array) -> Torques:
+        less = np.stack([mean_torque(o.record, o.record.torque * p) for p in power.T], 1)
+        return _taking(less)
+
+    return [one(o, p) for o, p in zip(records_of(now), _drawn(now), strict=True)]
+
+
+def _drawn(now: FitResult) -> list[Array]:
+    """(n, k) of each record: power that the motion takes from the drive, over the largest, as a supply follows it in
+    each of some times."""
+    followed = [_followed(o) for o in records_of(now)]
+    most = max(max(float(p.max()) for p in followed), 1e-300)
+    return [p / most for p in followed]
+
+
+def _followed(o: Observation) -> Array:
+    """(n, k) power of a record as a supply follows it [W]."""
+    power, h = np.maximum(o.record.torque * o.velocity, 0.0), o.record.sample_time
+    shares = [1 - math.exp(-h / t) if t else 1.0 for t in _SAGS]
+    return np.stack([scipy.signal.lfilter([a], [1.0, a - 1.0], power) for a in shares], 1)
+
+
+def _sagged(now: FitResult, strength: Array) -> float:
+    """Share of the torque constant that is gone where most is, of either sign."""
+    return _largest(np.concatenate([p @ strength for p in _drawn(now)]))
+
+
+def _say_sag(now: FitResult, strength: Array) -> str:
+    gone = _sagged(now, strength)
+    return (f"a torque constant that {'falls' if gone > 0 else 'grows'} with the power that is drawn, by "
+            f"{100 * abs(gone):.2g} % where most is")  # fmt: skip
+
+
+# ------------------------------------------------------------------------------- what fades in the course of a record
+
+
+def _fading(
+    torque: Callable[[FitResult, Observation], Array], gone: Callable[[Observation], Array]
+) -> Callable[[FitResult], list[Torques]]:
+    """A torque (n,) by a share that is another at first, and nears its end as something goes by (n,)."""
+
+    def torques(now: FitResult) -> list[Torques]:
+        seen = records_of(now)
+        amounts = [gone(o) for o in seen]
+        scales = max(max(float(x[-1]) for x in amounts), 1e-300) * _SCALES
+        return [_taking(torque(now, o)[:, None] * faded(x, scales)) for o, x in zip(seen, amounts, strict=True)]
+
+    return torques
+
+
+def _heat(o: Observation) -> Array:
+    """(n,) that the torque has given a motor, but for a factor."""
+    return np.asarray(np.cumsum(o.record.torque**2) * o.sample_time)
+
+
+def _way(o: Observation) -> Array:
+    return way(o.velocity, o.sample_time)
+
+
+def _in_course(strength: Array) -> Array:
+    """(50,) share that is taken in the course of the longest record."""
+    return np.asarray(faded(np.append(0.0, np.geomspace(1e-3, 1.0, 49)), _SCALES) @ strength)
+
+
+def _largest(shares: Array) -> float:
+    """Of either sign."""
+    return float(shares[np.argmax(np.abs(shares))])
+
+
+def _say_fading(what: str, change: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
+    def say(now: FitResult, strength: Array) -> str:
+        first, *_, last = change(_in_course(strength))
+        goes = "falls" if last < first else "grows"
+        return f"{what.format(goes)} in the course of a record, by {100 * abs(last / first - 1):.2g} %"
+
+    return say
+
+
+# ------------------------------------------------------------------------------- a body that friction carries along
+
+
+def _of_body(now: FitResult) -> list[Torques]:
+    """What a body of an inertia of one takes that dry friction of several levels carries along."""
+    seen = records_of(now)
+    v, h = [o.velocity for o in seen], [o.sample_time for o in seen]
+    most = max(float(np.abs(second_difference(o.position, o.sample_time)).max()) for o in seen)
+    return [_taking(np.gradient(body, dt, axis=0)) for body, dt in zip(carried(v, h, most * _GRIPS), h, strict=True)]
+
+
+def _body(now: FitResult, strength: Array) -> float:
+    """Of its inertia, over that of the axis with it."""
+    return float(np.abs(strength).sum()) / now.plant.driven_inertia
+
+
+def _say_body(now: FitResult, strength: Array) -> str:
+    return f"a body of {100 * _body(now, strength):.2g} % of the inertia, that friction carries along and lets slip"
+
+
+# ------------------------------------------------------------------------------- what is another in each record
+
+
+def _in_each(torque: Callable[[FitResult, Observation], Array]) -> Callable[[FitResult], list[Torques]]:
+    """A torque (n,) by a share of its own in each record after the first."""
+    def torques(now: FitResult) -> list[Torques]:
+        seen = records_of(now)
+        if len(seen) < _FEWEST_RECORDS:
+            return []
+        return [_taking(np.outer(torque(now, o), np.arange(1, len(seen)) == k)) for k, o in enumerate(seen)]
+
+    return torques
+
+
+def _asked_for(now: FitResult, o: Observation) -> Array:
+    return mean_torque(o.record)
+
+
+def _of_friction(now: FitResult, o: Observation) -> Array:
+    return mean_torque(o.record) - now.plant.driven_inertia * second_difference(o.position, o.sample_time)
+
+
+def _apart(strength: Array) -> float:
+    """The largest difference between two records."""
+    return float(np.ptp(np.append(strength, 0.0)))
+
+
+def _say_apart(what: str, change: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
+    def say(now: FitResult, strength: Array) -> str:
+        share = change(np.append(0.0, strength))
+        k = int(np.argmax(np.abs(share)))
+        first, most = (records_of(now)[i].name for i in (0, k))
+        return f"{what} that is another in each record, {100 * share[k]:+.2g} % in {most} beside {first}"
+
+    return say
+
+
+# ------------------------------------------------------------------------------- a torque that is periodic in time
+
+
+def _of_line(now: FitResult) -> list[Torques]:
+    """A sine in time, of its own phase in each record."""
+    seen, f = records_of(now), _line_in(now)
+
+    def one(k: int, o: Observation) -> Torques:
+        angle, sines = 2 * math.pi * f * o.record.time, np.zeros((len(o.record), 2 * len(seen)))
+        sines[:, 2 * k], sines[:, 2 * k + 1] = np.cos(angle), np.sin(angle)
+        return _taking(sines)
+
+    return [one(k, o) for k, o in enumerate(seen)] if f else []
+
+
+def _line_in(now: FitResult) -> float:
+    """Frequency of the sine in time that carries most of what is left [Hz]; 0 where it is little, or the motion's."""
+    seen = records_of(now)
+    left = np.split(now.misfit.residual(now.vector), now.misfit.splits)
+    least, most = _FEWEST_PERIODS / min(o.duration for o in seen), min(o.bandwidth for o in seen)
+    if least >= most:
+        return 0.0
+    f = np.arange(least, most, 1 / (_FINER * max(o.duration for o in seen)))
+
+    def carried(parts: Sequence[Array]) -> Array:
+        """(f,) share of the square."""
+        found = np.zeros(len(f))
+        for o, x in zip(seen, parts, strict=True):
+            n = scipy.fft.next_fast_len(_FINER * len(x), real=True)
+            found += np.interp(f, np.fft.rfftfreq(n, o.step), 2 * np.abs(np.fft.rfft(x, n)) ** 2 / len(x))
+        return found / max(sum(float(x @ x) for x in parts), 1e-300)
+
+    share = carried(left)
+    k = int(np.argmax(share))
+    moves = carried([o.velocity[o.index] for o in seen])[k]
+    return float(f[k]) if share[k] > _IN_WAVES and moves < _MOVES else 0.0
+
+
+def _height(strength: Array) -> float:
+    """Of the sine where it is highest [N m]."""
+    return float(np.hypot(*np.reshape(strength, (-1, 2)).T).max())
+
+
+def _say_line(now: FitResult, strength: Array) -> str:
+    unit = "N m" if now.plant.kind == "hinge" else "N"
+    return f"a torque that is periodic in time, at {_line_in(now):.3g} Hz, of up to {_height(strength):.2g} {unit}"
+
+
+# ------------------------------------------------------------------------------- waves that grow with the speed
+
+
+def _of_waves(now: FitResult) -> list[Torques]:
+    """Waves over the place that grow with the velocity, or with the speed, of the period that carries most."""
+    number = _waves_in(now)
+
+    def one(o: Observation) -> Torques:
+        v, angle = o.velocity, number * o.position
+        return _taking(np.stack([f * w(angle) for f in (v, np.abs(v)) for w in (np.cos, np.sin)], 1))
+
+    return list(map(one, records_of(now))) if number else []
+
+
+def _waves_in(now: FitResult) -> float:
+    """Waves in a radian or a metre; 0 where what is left has none."""
+    seen = records_of(now)
+    left = now.misfit.residual(now.vector)
+    position = np.concatenate([o.position[o.index] for o in seen])
+    velocity = np.concatenate([o.velocity[o.index] for o in seen])
+    period, share = max((wave(position, left, f) for f in (velocity, np.abs(velocity))), key=lambda w: w[1])
+    return 2 * math.pi / period if share > _IN_WAVES else 0.0
+
+
+def _at_most(now: FitResult, strength: Array) -> float:
+    """The torque of such waves at the highest speed [N m]."""
+    fastest = max(float(np.abs(o.velocity).max()) for o in records_of(now))
+    return fastest * float(np.hypot(*np.reshape(strength, (2, 2)).T).sum())
+
+
+def _say_waves(now: FitResult, strength: Array) -> str:
+    number, hinge = _waves_in(now), now.plant.kind == "hinge"
+    many = f"{number:.3g} to a revolution" if hinge else f"one every {2 * math.pi / number:.3g} m"
+    return (f"a torque in waves over the place that grows with the speed, {many}, "
+            f"{_at_most(now, strength):.2g} {'N m' if hinge else 'N'} at the highest")  # fmt: skip
+
+
+CAUSES = (
+    Cause(
+        ("hinge",), _of_revolution, lambda now, s: float(-_turned(s).min() / now.plant.driven_inertia), _say_inertia,
+        "The same short push, from rest, at several places of the revolution: where an inertia is larger the axis "
+        "comes to a lower speed.",
+    ),
+    Cause(
+        ("hinge", "slide"), _of_torque, lambda now, s: abs(_fallen(s)), _say_constant,
+        "Known loads, as weights on a lever, held at rest over the whole range of the torque.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_power, lambda now, s: abs(_sagged(now, s)), _say_sag,
+        "The voltage of the supply, logged beside the torque, while the axis speeds up as hard as it can.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _fading(_asked_for, _heat), lambda now, s: abs(_largest(_in_course(s))),
+        _say_fading("a torque constant that {} as the torque heats the motor", lambda taken: 1 - taken),
+        "One long record of the same motion again and again, with the temperature of the motor logged beside it.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _fading(_of_friction, _way), lambda now, s: abs(_largest(_in_course(s))),
+        _say_fading("friction that {} over the way", lambda taken: 1 / (1 - taken)),
+        "The same slow motion over a long way, without a break, and once more from the beginning.",
+        taken_from=_of_friction,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_body, _body, _say_body,
+        "Steps of the torque, from small to large: a body that is carried along lets go at the same acceleration.",
+    ),
+    Cause(
+        ("hinge", "slide"), _in_each(_asked_for), lambda now, s: _apart(s),
+        _say_apart("a torque constant", lambda taken: -taken),
+        "The first record once more after the last, with the temperature of the motor logged beside both.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _in_each(_of_friction), lambda now, s: _apart(s),
+        _say_apart("friction", lambda taken: taken / (1 - taken)),  # without its share it is that of the first
+        "The first record once more after the last, with the temperature of the bearing logged beside both.",
+        taken_from=_of_friction,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_line, lambda now, s: _height(s) / _most_asked(now), _say_line,
+        "The axis at rest with the drive on, and then off: what the torque and the position do by themselves.",
+    ),
+    Cause(
+        ("hinge", "slide"), _of_waves, lambda now, s: _at_most(now, s) / _most_asked(now), _say_waves,
+        "Constant speeds from slow to fast, each over several waves, in both directions: how high they are at each.",
+    ),
+)  # fmt: skip

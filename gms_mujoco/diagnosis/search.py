@@ -1,0 +1,765 @@
+"""The search for what is missing: one effect after another, while it earns its place on data not used to fit it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compare import Comparison, compare_observations
+from ..effect import Effect
+from ..fit import fit_as_logged, from_the_data
+from ..fit_result import FitResult
+from ..identification.candidates import (
+    CONTAINED_LAWS,
+    GENERAL_LAWS,
+    LOADED,
+    applicable,
+    grows,
+    is_open,
+    is_part_of_wave,
+    joined,
+    with_general_laws,
+)
+from ..identification.frf_observation import FrfObservation, Seen
+from ..identification.habits import EARLY_SHARE, as_logged
+from ..identification.held_out import HeldOut, p_value
+from ..identification.inverse import Observation
+from ..identification.least_squares import nudge
+from ..identification.linear_model import cross_validated
+from ..identification.misfit import Misfit
+from ..identification.refine import refine, refined
+from ..identification.screen import Candidate, Screen
+from ..plant import Plant
+from ..progress import Progress, silent
+from ..threads import each
+from .beyond import Hint, beyond
+from .friction_shape import (
+    by_the_letter,
+    elastic_bristle,
+    fading_damping,
+    following,
+    more_elements,
+    other_curve,
+    shaped_as,
+    spring_instead,
+    straightened,
+    without_idle,
+)
+from .joint_fits import FORMS, JointFits, Rough, forms
+from .judgement import (
+    AT_FLOOR,
+    CLOSE,
+    FALSE_DISCOVERY_RATE,
+    FINALISTS,
+    LEAST_GAIN,
+    LEAST_SHARE,
+    NEARLY,
+    Trial,
+    at_floor,
+    carries,
+    discoveries,
+    finalists,
+    floor_of,
+    is_told,
+    is_worth_it,
+    least_share,
+    left_of,
+    simplest,
+    swings,
+    takes,
+    takes_in_part,
+    takes_of_both,
+    with_curve,
+    without,
+)
+from .reading import TorqueReading, as_shown, rung
+
+Array = NDArray[np.float64]
+
+MOST_EFFECTS = 4  # added in a row
+MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
+_DRAG = "quadratic_drag"  # what a curve of friction that bends over all speeds does
+_SPRING = "spring"  # what an element of friction that never slips does
+_CONTENDERS = 6  # candidates that are fitted jointly, roughly
+_WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
+_MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
+_RIVALS = 0.25  # so much of what it promises where they may do so by chance
+_BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
+_SURELY = 4.0  # times the cost with an effect: without it much more is left
+_LED_ON = 0.9  # times the error of a fit: another curve of friction may show there that had not
+
+
+@dataclass(frozen=True)
+class Step:
+    """One plant on the way: the baseline, or the plant before with one effect more.
+
+    Attributes:
+        effect: what was added; None for the baseline.
+        result: the joint fit.
+        comparison: on the validate records, made after every choice; None where there are none.
+        evidence: one sentence that a person can check on a plot.
+        confusable_with: effects that these records cannot tell from the one added.
+        p_value: of the fall of the error on held-out blocks.
+        held_out: what is left of each block of the fit records by a fit without it.
+        others: fits with another effect in its place, which earned it as well.
+    """
+
+    effect: str | None
+    result: FitResult
+    comparison: Comparison | None = None
+    confusable_with: tuple[str, ...] = ()
+    p_value: float = float("nan")
+    held_out: HeldOut = field(default_factory=lambda: HeldOut(np.empty(0), ()), repr=False)
+    evidence: str = ""
+    others: tuple[Trial, ...] = field(default=(), repr=False)
+
+    @property
+    def validate_error(self) -> float | None:
+        """Pooled error on the validate records: of the torque, or of the position of a servo [rad]."""
+        return None if self.comparison is None else self.comparison.error
+
+
+class Tried(NamedTuple):
+    """An effect that was looked at and left out.
+
+    Attributes:
+        name: of the effect.
+        p_value: of the fall of the error on held-out blocks.
+        plant: with the effect: fitted jointly, or where such a fit would begin.
+        fitted: whether it was.
+    """
+
+    name: str
+    p_value: float
+    plant: Plant
+    fitted: bool
+
+
+class Search:
+    """The state of the loop: the steps so far, and what the last round thought of every candidate.
+
+    Args:
+        seen: what is fitted.
+        select: what has to agree with a choice; may be empty.
+        start: to begin with.
+        without: names of effects that are not looked at.
+        quick: whether it follows what it sees alone: nothing is tried from the beginning, and no path not taken.
+    """
+
+    def __init__(
+        self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str] = (),
+        quick: bool = False,
+    ) -> None:  # fmt: skip
+        self.seen, self.select, self.start, self.without = list(seen), list(select), start, without
+        self.quick = quick
+        self.steps: list[Step] = []
+        self.rejected: list[Tried] = []
+        self.false: set[str] = set()  # effects that were added and taken away again
+        self.hint: Hint | None = None  # what explains more than anything in the catalogue
+        self.waits = False  # whether another curve of friction does, see `shape`
+        self._shaped_at = 0.0  # error of the last fit whose shape of friction was looked for
+        self._formed: set[frozenset[str]] = set()  # effects together, of which each has the form that leaves least
+
+    @property
+    def fits(self) -> JointFits:
+        """How the current plant is fitted with one effect more."""
+        return JointFits(self.start, tuple(self.seen), frozenset(s.effect for s in self.steps if s.effect))
+
+    @property
+    def held_out(self) -> HeldOut:
+        """What the current plant leaves on held-out blocks."""
+        return self.steps[-1].held_out
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether what the current plant leaves on held-out blocks is as good as noise."""
+        return at_floor(self.steps[-1].result, self.held_out)
+
+    def branch(self, number: int, trial: Trial) -> Search:
+        """Another search, which took another effect at one step and is there now."""
+        out, before = copy(self), self.steps[number - 1]
+        p = p_value(before.held_out, trial.held_out)
+        out.steps = [*self.steps[:number], Step(trial.name, trial.result, None, (), p, trial.held_out)]
+        out.seen, out.rejected, out.false, out.hint, out.waits = list(self.seen), [], set(), None, False
+        out._formed = set(self._formed)
+        return out
+
+    def left_out(self) -> list[tuple[str, float, Plant | None]]:
+        """Effects that were left out, their p values, and the plants with them; None where an effect that was never
+        fitted jointly leaves no less of what was fitted than the plant without it."""
+        last = self.steps[-1].result
+        cost = last.misfit.cost(last.vector)
+
+        def leaves_less(plant: Plant) -> bool:
+            near, x = last.misfit.onto(plant, last.vector)
+            return near.cost(x) < cost
+
+        return [(t.name, t.p_value, t.plant if t.fitted or leaves_less(t.plant) else None) for t in self.rejected]
+
+    def become(self, other: Search) -> None:
+        """Goes on where another search has ended."""
+        vars(self).update(vars(other))
+
+    def first(self, report: Progress) -> None:
+        result = fit_as_logged(self.start, self.seen, report)
+        for e in filter(is_open, self.start.effects):
+            self.start = self.start.replace(result.plant[e.name])
+        self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
+        self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
+        self.shape()
+
+    def within_reach(self) -> float:
+        """Squared residual that the current plant would leave with the effect that promises most, by a linear refit
+        [N^2 m^2]; see `left_of`."""
+        current = self.steps[-1].result
+        screen = Screen(current.misfit, current.vector)
+        gains = [c.gain for c in self._candidates(screen)]
+        return (1 - max(gains, default=0.0)) * left_of(current.misfit, current.vector)
+
+    def likeliest_beside(self, columns: Array) -> Effect | None:
+        """The effect that leaves least in a linear refit in which torques (m, k) are free too; None where none can."""
+        current = self.steps[-1].result
+        screen = Screen(current.misfit, current.vector)
+        found = [c for c in self._candidates(screen) if c.columns is not None]
+        return max(found, key=lambda c: screen.explained(c, columns)).effect if found else None
+
+    def add_one(self, report: Progress) -> bool:
+        """Adds the effect that earns it most; False where none does, or what is in no catalogue leaves much less."""
+        current, fits = self.steps[-1].result, self.fits
+        report(0.0, "screening the catalogue")
+        screen = Screen(current.misfit, current.vector)
+        scored = sorted(self._candidates(screen), key=lambda c: -c.gain)
+        p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
+        plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
+
+        promising = self._promising(scored, p_values)[:_CONTENDERS]
+        rough: list[Rough] = []
+        for i, c in enumerate(promising):
+            report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
+            rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
+        rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
+        rough += self._beside_straight(fits.worth_trying(current, rough))
+        rough += self._for_stuck(fits.worth_trying(current, rough))
+        laws = self._general_laws(fits.worth_trying(current, rough))
+        plants |= {name: misfit.plant(x) for name, misfit, x in laws}
+        on_all = {name: cross_validated(Misfit(plants[name], self.seen), x) for name, _, x in laws}
+        p_values |= {name: p_value(self.held_out, left) for name, left in on_all.items()}
+        rough += laws
+        trials = self._trials(rough, p_values, report)
+        self.hint = unlisted = self._beyond(trials)
+        added = False
+        if unlisted is None:
+            if self._reads_a_ring(trials):
+                swinging = [name for name, plant in plants.items() if swings(plant[name])]
+                p_values |= dict.fromkeys(swinging, 1.0)
+                promising = [c for c in promising if c.effect.name not in swinging]
+            new = [c for c in promising if c.effect.name not in current.plant]
+            problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
+            added = self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
+            for more in (self._beside_following, lambda: self._afresh(new, report)):
+                if not added and (begun := more()):
+                    trials += self._trials(begun, p_values, report)
+                    added = self._accept(trials, p_values)
+        fitted = {name: r.plant for name, r, _ in trials}
+        plants |= fitted
+        self.rejected = [
+            Tried(name, p, plants[name], name in fitted) for name, p in p_values.items() if name not in current.plant
+        ]
+        if added or unlisted is not None:
+            return added
+        if not self.at_floor and self.relogged():  # the plant may have been led to where a habit shows
+            self.first(silent)
+            return True
+        again = self.waits or self.steps[-1].result.error < _LED_ON * self._shaped_at
+        return self._drag_for_curve() or self._refined() or (again and self.shape(at_last=True))
+
+    def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
+        """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
+
+        Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`: there what
+        promises little is tried too, unless one surely takes most. What is left beside that is for the next round.
+        """
+        leads = bool(scored) and scored[0].gain > _MOST and p_values[scored[0].effect.name] <= FALSE_DISCOVERY_RATE
+        by_chance = LEAST_GAIN if self.at_floor else _RIVALS * scored[0].gain if leads else _WORTH_A_TRIAL
+        return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
+
+    def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
+        """The best of the rough fits taken to their ends; their p values become those of the whole fits."""
+        fits, current = self.fits, self.steps[-1].result
+        rough = sorted(rough, key=lambda t: left_of(t[1], t[2]))
+        if fits.simulated:
+            # A few runs that fall to the other side may carry a fit, and hold nowhere else: what passes the test of the
+            # screen is refitted before what fits best.
+            rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
+        trials: list[Trial] = []
+        best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
+        held = [t for t in best if self._holds_roughly(t)] if self.at_floor and self.only_timed else best
+        ends = finalists(current, held, FINALISTS + fits.simulated)
+        ends += _surer(best, ends, p_values)
+        for i, (name, misfit, x) in enumerate(ends):
+            report(0.7 + 0.1 * i, f"refitting with {name}")
+            if trials:
+                result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
+            else:
+                result = fits.formed(name, fits.whole(current, misfit, x))
+            result = without_idle(result)
+            trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
+        self._settle_for(trials)
+        p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
+        return trials
+
+    def _holds_roughly(self, rough: Rough) -> bool:
+        """Whether a rough fit leaves less of blocks not seen than the plant without its effect, by more than chance.
+
+        At the noise floor a rough fit is near its end, and noise is most of what unknowns take.
+        """
+        _, misfit, x = rough
+        return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
+
+    def _general_laws(self, below: float = math.inf) -> list[Rough]:
+        """A rough fit with each general law of friction in the place of those that it contains, above the noise floor:
+        it is no small change of them, which a tangent would show; see `JointFits.roughly` for `below`."""
+        fits = self.fits
+        if self.at_floor or fits.simulated:
+            return []
+        laws = with_general_laws(self.steps[-1].result.plant)
+        return [(n, *from_the_data(p, fits.few, below=below)) for n, p in laws.items() if n not in self.barred]
+
+    def _beside_straight(self, below: float = math.inf) -> list[Rough]:
+        """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
+        stands for a drag, whose tangent shows nothing then; see `JointFits.roughly` for `below`."""
+        now = self.steps[-1].result
+        if (plants := self._straight) is None:
+            return []
+        misfit, x = now.misfit.onto(plants[1], now.vector, self.fits.few, fixed=_velocities(plants[1]))
+        x = refined(misfit, nudge(misfit, x, below=below), below=below)
+        return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
+
+    def _for_stuck(self, below: float = math.inf) -> list[Rough]:
+        """A rough fit with a spring in the place of elements of friction that slip in no record, beside which its
+        tangent shows nothing; see `JointFits.roughly` for `below`."""
+        addable = self.timed and _SPRING in [e.name for e in self._addable]
+        begun = spring_instead(self.steps[-1].result) if addable else None
+        if begun is None:
+            return []
+        misfit, x = begun
+        return [(_SPRING, misfit, refined(misfit, nudge(misfit, x, below=below), below=below))]
+
+    def _drag_for_curve(self) -> bool:
+        """Puts a drag in the place of a curve that bends over all speeds, and stands for it at the noise floor, where
+        nothing is left that the drag could take; False where it earns no place.
+
+        It does where it leaves less than the curve of all that is fitted, and of blocks not seen surely less, with an
+        unknown fewer; and beside friction that weakens at slow speed alone it has to take its share of what is left.
+        """
+        now = self.steps[-1]
+        if not (self.at_floor and self.only_timed) or (plants := self._straight) is None:
+            return False
+
+        def fitted(plant: Plant) -> tuple[FitResult, HeldOut]:
+            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=_velocities(plant))
+            result = refine(misfit, nudge(misfit, x))
+            return result, cross_validated(result.misfit, result.vector)
+
+        result, held_out = fitted(plants[1])
+        leaves_less = left_of(result.misfit, result.vector) <= left_of(now.result.misfit, now.result.vector)
+        if not leaves_less or p_value(now.held_out, held_out) > FALSE_DISCOVERY_RATE or not self.selects(result):
+            return False
+        base, before = fitted(plants[0])
+        floor = min(floor_of(base), floor_of(result))
+        p = self._beside(base, before, Trial(_DRAG, result, held_out))
+        if p > FALSE_DISCOVERY_RATE or not takes_of_both(base, before, result, held_out, floor, LEAST_SHARE):
+            return False
+        last = self.fits.to_end(*result.misfit.onto(result.plant, result.vector))
+        self.steps[-1] = replace(now, result=base, held_out=before)
+        self.steps.append(Step(_DRAG, last, None, (), p, cross_validated(last.misfit, last.vector)))
+        return True
+
+    def _beside_following(self) -> list[Rough]:
+        """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
+        now, fits = self.steps[-1].result, self.fits
+        if self.at_floor or fits.simulated or (near := following(now)) is None:
+            return []
+        screen, least = Screen(near.misfit, near.vector), left_of(now.misfit, now.vector)
+        share = (1 - LEAST_SHARE) * least / max(left_of(near.misfit, near.vector), 1e-300)
+        seen = [screen.candidate(e) for e in self._addable if e.modulates]
+        return [(c.effect.name, *fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
+
+    def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
+        """Rough fits from the beginning with each of the candidates, of those that leave less.
+
+        A plant that has bent far to hide an effect may not find back from where it is, and no linear refit promises
+        then what the effect would explain.
+        """
+        now, fits = self.steps[-1].result, self.fits
+        if self.at_floor or fits.simulated or self.quick:
+            return []
+        near, there = now.misfit.onto(now.plant, now.vector, fits.few)
+        cost = near.cost(there)
+        out = []
+        for c in candidates:
+            report(0.9, f"trying {c.effect.name} from the beginning")
+            begun = fits.afresh(now.plant, c.effect, forms(c.effect, now.plant), cost)
+            out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
+        return out
+
+    def _beyond(self, trials: Sequence[Trial]) -> Hint | None:
+        """What is in no catalogue and leaves much less than the best of the trials, short of the noise floor."""
+        if not trials or self.at_floor or not self.only_timed:
+            return None
+        best = min(trials, key=lambda t: t.held_out.total)
+        if at_floor(best.result, best.held_out):
+            return None
+        return beyond(self.steps[-1].result, self.held_out, best)
+
+    def _reads_a_ring(self, trials: Sequence[Trial]) -> bool:
+        """Whether a torque reading that rings explains more than an axis of which a part swings; says so in `hint`."""
+        swinging = [t for t in trials if swings(t.result.plant[t.name]) and self.is_worth_it(t.result, t.held_out)]
+        if not swinging or not self.only_timed:
+            return False
+        if not self.at_floor and any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
+            return False
+        now = self.steps[-1].result
+        reading = rung(now.misfit, now.vector)
+        if reading is None:
+            return False
+        misfit, x = reading
+        sensor = misfit.plant(x)[TorqueReading.name]
+        behind = cross_validated(misfit, x)
+        left = as_shown(sensor, replace(behind, rows=behind.rows * math.sqrt(misfit.delivered(x))))
+        if left > min(as_shown(sensor, t.held_out) for t in swinging):
+            return False
+        period = sensor.values["period"]
+        share = 1 - left / as_shown(sensor, self.held_out)
+        self.hint = Hint(
+            f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
+            f"compliance does ({100 * share:.0f} % of the square)",
+            TorqueReading.experiment,
+        )
+        return True
+
+    def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
+        passed = discoveries(p_values)
+        now = self.steps[-1]
+        earned = self._beside_load(_beside_contained([t for t in trials if t.name in passed and self._earns(t)]))
+        if not earned:
+            return False
+        left, *after = (left_of(r.misfit, r.vector) for r in (now.result, *(t.result for t in earned)))
+        if self.relogged(EARLY_SHARE * (1 - min(after) / left)):  # a weak effect may stand for what is the log's habit
+            self.first(silent)
+            return True
+        chosen, others = simplest(earned)
+        name, result, held_out = earned[chosen]
+        confusable = tuple(earned[i].name for i in others)
+        if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
+            self.steps[-1] = replace(now, result=result, held_out=held_out)
+        else:
+            rest = tuple(t for t in earned if t.name != name and t.name not in now.result.plant)
+            # A general law of friction takes the place of what it contains.
+            self.steps = [s for s in self.steps if s.effect is None or s.effect in result.plant]
+            self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
+        if (self.shape() and self._needless(name)) or self.relogged():
+            self.first(silent)
+        return True
+
+    def _beside_load(self, earned: Sequence[Trial]) -> list[Trial]:
+        """The trials without friction that varies along a part of a wave, where a load that was logged leaves hardly
+        more: that varies over the place too, and says by itself how."""
+        loaded = next((t for t in earned if t.name == LOADED), None)
+        if loaded is None:
+            return list(earned)
+
+        def stands_for_load(t: Trial) -> bool:
+            close = loaded.held_out.total < CLOSE * t.held_out.total
+            return close and is_part_of_wave(t.result.plant[t.name], self.seen)
+
+        return [t for t in earned if not stands_for_load(t)]
+
+    def _earns(self, trial: Trial) -> bool:
+        """Whether a joint fit with one effect more is better than the current plant by all but its p value."""
+        now = self.steps[-1].result
+        share = least_share(now.plant, trial.result.plant[trial.name])
+        worth = self.is_worth_it(trial.result, trial.held_out, share)
+        if not (worth and carries(trial.name, now, trial.result) and self.selects(trial.result)):
+            return False
+        # A response knows no place: of what varies with it only some combination of strength and phase is seen.
+        return not all(isinstance(o, FrfObservation) for o in self.seen) or is_told(trial.name, trial.result)
+
+    def _accept_two(
+        self,
+        screen: Screen,
+        candidates: Sequence[Candidate],
+        rough: dict[str, tuple[Misfit, Array]],
+        trials: Sequence[Trial],
+        p_values: dict[str, float],
+    ) -> bool:
+        """Adds two effects at once, of which neither stands out while the other is missing; False where none do.
+
+        Each must earn its place beside the other. Every two that are looked at count among the discoveries.
+
+        Args:
+            screen: of the current plant.
+            candidates: to take them from.
+            rough: a joint fit with each.
+            trials: whole fits with some of them.
+            p_values: of each effect alone.
+        """
+        if self.at_floor or len(self.steps) >= MOST_EFFECTS:
+            return False
+        now = self.steps[-1]
+        found: dict[str, tuple[float, HeldOut, Candidate, Candidate]] = {}
+        for one, other in itertools.combinations(candidates, 2):
+            both, alone = screen.together(one, other), min((one, other), key=lambda c: c.held_out.total)
+            p = max(p_value(c.held_out, both) for c in (one, other))
+            found[f"{one.effect.name} and {other.effect.name}"] = p, both, alone, other if alone is one else one
+        p_values = p_values | {k: p for k, (p, *_) in found.items()}
+        passed = discoveries(p_values)
+        floor = floor_of(now.result)
+        worth = [
+            (both.total, k, alone, other)
+            for k, (_, both, alone, other) in found.items()
+            if k in passed and takes(alone.held_out.total, both.total, floor)
+        ]
+        if not worth:
+            return False
+        _, label, alone, other = min(worth, key=lambda t: t[0])
+        first, second = alone.effect.name, other.effect.name
+
+        def whole(name: str) -> FitResult:
+            for t in trials:
+                if t.name == name:
+                    return t.result
+            misfit, x = rough[name]
+            return self.fits.to_end(misfit, x)
+
+        base = whole(first)
+        result = self.fits.best(self.fits.to_end(*self.fits.roughly(base, other)))
+        held_out = cross_validated(result.misfit, result.vector)
+        singles = []
+        for name, left in ((first, second), (second, first)):
+            single = min(whole(name), refine(*without(result, left)), key=attrgetter("error"))
+            singles.append(Trial(name, single, cross_validated(single.misfit, single.vector)))
+        beside = list(zip(singles, (second, first), strict=True))
+        beside_p = [self._beside(s.result, s.held_out, Trial(n, result, held_out)) for s, n in beside]
+        floor = min(floor, floor_of(result))
+        earned = (
+            label in discoveries(p_values | {label: max(beside_p)})
+            and all(takes(s.held_out.total, held_out.total, floor) for s in singles)
+            and all(carries(n, s.result, result) for s, n in beside)
+            and self.selects(result)
+        )
+        if earned:
+            self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
+            self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
+            if self.shape() and (self._needless(first) or self._needless(second)):
+                self.first(silent)
+        return earned
+
+    def _needless(self, name: str) -> bool:
+        """Whether an effect that was chosen beside another curve of friction earns no place beside this one."""
+        last = self.steps[-1]
+        alone = refine(*without(last.result, name), below=_SURELY * last.result.misfit.cost(last.result.vector))
+        left = cross_validated(alone.misfit, alone.vector)
+        floor = min(floor_of(alone), floor_of(last.result))
+        earned = takes(left.total, last.held_out.total, floor)
+        earned = earned or takes_in_part(alone, left, last.result, last.held_out)
+        return not (earned and p_value(left, last.held_out) < FALSE_DISCOVERY_RATE)
+
+    def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
+        """p value of an effect that was added to a fit."""
+        return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
+
+    def shape(self, at_last: bool = False) -> bool:
+        """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
+        another reading or curve.
+
+        A curve that bends at will hides a part of an effect, a drag most of it. One that leaves more than an effect
+        would beside the present curve waits, until `at_last` no effect is found.
+        """
+        last = self.steps[-1]
+        if not self.timed:
+            return False
+        read, left = fading_damping(*elastic_bristle(*by_the_letter(last.result, last.held_out)))
+        bent, best = other_curve(read, left)
+        self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
+        result, held_out = (read, left) if self.waits else more_elements(bent, best)
+        self.steps[-1] = replace(last, result=result, held_out=held_out)
+        self._shaped_at = result.error
+        for e in self.start.effects:
+            if e.name in result.plant:
+                self.start = self.start.replace(shaped_as(e, result.plant[e.name]))
+        return (read if self.waits else bent) is not last.result
+
+    def reformed(self) -> bool:
+        """Gives the effects that were added the forms that leave least beside each other; whether any has another.
+
+        The form of one was chosen while what was found later was missing, or beside what was none.
+        """
+        names = frozenset(e.name for e in self.steps[-1].result.plant.effects)
+        alone = len(self.steps) == 2 and not self.false
+        if self.at_floor or alone or names in self._formed:
+            return False
+        self._formed.add(names)
+        before = self.steps[-1]
+        result = before.result
+        for name in (s.effect for s in self.steps if s.effect in FORMS):
+            result = self.fits.formed(name, result)
+        if result.error**2 > (1 - LEAST_GAIN) * before.result.error**2:
+            return False
+        self.steps[-1] = replace(before, result=result, held_out=cross_validated(result.misfit, result.vector))
+        return True
+
+    def _refined(self) -> bool:
+        """Gives friction more elements where they earn it from where a trial has led the plant; whether it has any."""
+        last = self.steps[-1]
+        if not self.timed:
+            return False
+        result, held_out = more_elements(last.result, last.held_out)
+        self.steps[-1] = replace(last, result=result, held_out=held_out)
+        return result is not last.result
+
+    def _explains_more(self, now: FitResult, left: HeldOut, most: HeldOut) -> bool:
+        """Whether a linear refit with an effect more surely leaves less of each block than another fit does."""
+        found = [c.held_out for c in self._candidates(Screen(now.misfit, now.vector))]
+        return any(h.total < most.total and p_value(left, h) <= FALSE_DISCOVERY_RATE for h in found)
+
+    def relogged(self, share: float = EARLY_SHARE) -> bool:
+        """Sees the log by another of its habits, where that explains what an effect has hidden, or may stand for."""
+        seen = as_logged(self.steps[-1].result, share=share)
+        self.seen = seen or self.seen
+        return seen is not None
+
+    def is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
+        """Whether a fit with one effect more takes enough of what the current plant leaves; see `judgement`."""
+        return is_worth_it(self.steps[-1].result, self.held_out, result, held_out, share)
+
+    def _beyond_speed(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
+        """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
+
+        What a sensor reads wrong is the speed of friction too. A curve that predicts blocks not seen worse than none is
+        nothing to beat, and with the effect no better than the effect alone.
+        """
+        effect = trial.result.plant[trial.name]
+        if not (effect.modulates or effect.kind == "sensor") or not self.timed:
+            return 0.0
+        curved = with_curve(base)
+        if curved.total >= before.total:
+            return 0.0
+        return p_value(curved, min(trial.held_out, with_curve(trial.result), key=lambda h: h.total))
+
+    @property
+    def bent(self) -> float:
+        """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
+        if not self.timed:
+            return 0.0
+        left = with_curve(self.steps[-1].result)
+        earned = self.is_worth_it(self.steps[-1].result, left)
+        earned = earned and p_value(self.held_out, left) < FALSE_DISCOVERY_RATE
+        return 1 - left.total / self.held_out.total if earned else 0.0
+
+    def _candidates(self, screen: Screen) -> list[Candidate]:
+        """What could be added to the current plant, of which a linear refit shows anything."""
+        # Those that take longest first: who begins late is alone at the end.
+        todo = sorted(self._addable, key=lambda e: (not grows(e), not e.modulates))
+        return [c for c in each(screen.candidate, todo) if c is not None]
+
+    @property
+    def barred(self) -> set[str]:
+        """Names of effects that are not looked at: not asked for, or found false."""
+        return {*self.false, *self.without}
+
+    @property
+    def _addable(self) -> list[type[Effect]]:
+        """The effects that could be added to the current plant and have not been found false."""
+        return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.barred]
+
+    @property
+    def _straight(self) -> tuple[Plant, Plant] | None:
+        """The plant with friction that weakens at slow speed alone where it has bent over all, without a drag and with
+        one; None where it has not."""
+        drag = next((e for e in self._addable if e.name == _DRAG), None)
+        if drag is None or not self.timed or (plant := straightened(self.steps[-1].result)) is None:
+            return None
+        return plant, plant + drag(coefficient=0.0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether anything was measured in time, and so at some speed."""
+        return any(isinstance(o, Observation) for o in self.seen)
+
+    @property
+    def only_timed(self) -> bool:
+        """Whether everything was."""
+        return all(isinstance(o, Observation) for o in self.seen)
+
+    def _settle_for(self, trials: Sequence[Trial]) -> None:
+        """Lets the current plant keep what a trial found for it.
+
+        A joint fit with one effect more can lead out of a local optimum that has nothing to do with the effect;
+        that gain is the plant's own and must not be counted for the effect.
+        """
+        for name, result, held_out in trials[:1]:
+            if name not in self.steps[-1].result.plant and self.is_worth_it(result, held_out):
+                now = self.steps[-1].result
+                alone = refine(*without(result, name), below=now.misfit.cost(now.vector))
+                if alone.error < now.error:
+                    again = cross_validated(alone.misfit, alone.vector)
+                    self.steps[-1] = replace(self.steps[-1], result=alone, held_out=again)
+
+    def _of_use(self, first: Trial, misfit: Misfit, tried: int) -> float:
+        """A squared residual above which another joint fit than the first says nothing.
+
+        Where the first is sure to earn its place that is one neither close to it, nor with fewer parameters and nearly
+        as good: see `recheck.exchange`.
+        """
+        now = self.steps[-1].result
+        sure = self._beside(now, self.held_out, first) <= FALSE_DISCOVERY_RATE / tried and self._earns(first)
+        if not sure:
+            return math.inf
+        cost, least = (r.misfit.cost(r.vector) for r in (now, first.result))
+        simpler = misfit.coordinates.size < first.result.misfit.coordinates.size
+        return max(CLOSE * least, cost - NEARLY * (cost - least) if simpler else 0.0)
+
+    def selects(self, result: FitResult) -> bool:
+        """Whether the select records, where there are some, agree."""
+        if not self.select:
+            return True
+        before, after = (
+            compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
+        )
+        return after < before
+
+
+def _beside_contained(earned: Sequence[Trial]) -> list[Trial]:
+    """The trials without the general laws of friction, where one that they contain leaves hardly more: all that is
+    missing may be that."""
+    left = min((t.held_out.total for t in earned if t.name in CONTAINED_LAWS), default=math.inf)
+    return [t for t in earned if t.name not in GENERAL_LAWS or CLOSE * t.held_out.total < left]
+
+
+def _surer(rough: Sequence[Rough], ends: Sequence[Rough], p_values: dict[str, float]) -> list[Rough]:
+    """The simplest of the rough fits that the screen is surest of, where none as simple that is fitted to its end is.
+
+    A strong effect is tried from the beginning, and its rough fit may owe to that start what it leaves less than one
+    that goes on from a plant that has bent; and of two that do much the same the simpler says more.
+    """
+    least = min((p_values[name] for name, *_ in rough), default=1.0)
+    if least > FALSE_DISCOVERY_RATE:
+        return []
+    sure = [r for r in rough if p_values[r[0]] <= least]
+    simplest = min(sure, key=lambda r: (r[1].size, left_of(r[1], r[2])))
+    known = any(p_values[r[0]] <= least and r[1].size <= simplest[1].size for r in ends)
+    return [] if known else [simplest]
+
+
+def _velocities(plant: Plant) -> list[str]:
+    """The Stribeck velocities of a plant, as a fit names what it leaves as it is."""
+    return [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]

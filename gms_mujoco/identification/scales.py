@@ -1,0 +1,55 @@
+"""Typical sizes in data, from which typical sizes of parameters follow by their unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..parameter import WAVES
+from ..plant import Plant
+from .frf_observation import Seen
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Root mean squares over a set of observations; `scales[unit]` is a typical size of a parameter."""
+
+    torque: float
+    position: float
+    velocity: float
+    acceleration: float
+    sample_time: float
+
+    @classmethod
+    def of(cls, observations: Sequence[Seen]) -> Scales:
+        def pooled(values: list[Array]) -> float:
+            return float(np.sqrt(np.mean([np.mean(v**2) for v in values]))) or 1.0
+
+        none = Plant.axis(1.0)
+        return cls(
+            pooled([o.applied(none) if o.typical_torque is None else o.typical_torque for o in observations]),
+            pooled([o.position - o.position.mean() for o in observations]),
+            pooled([o.velocity for o in observations]),
+            pooled([o.acceleration for o in observations]),
+            float(np.mean([o.sample_time for o in observations])),
+        )
+
+    def __getitem__(self, unit: str) -> float:
+        t, v = self.torque, self.velocity
+        return {
+            "N m": t,
+            "N m/rad": t / self.position,
+            "N m s/rad": t / v,
+            "N m s^2/rad^2": t / v**2,
+            "N m/s": t * v / self.position,
+            "kg m^2": t / self.acceleration,
+            "rad": 1.0,
+            WAVES: 1 / self.position,  # on a slide joint: a radian of phase over the travel
+            "rad/s": v,
+            "s": self.sample_time,
+        }.get(unit, 1.0)

@@ -1,0 +1,1 @@
+"""How logs become Records: columns, units, time stamps, counts of an encoder, joints of a robot."""

@@ -1,0 +1,407 @@
+"""Is a measurement what it says: ends without numbers, positions that wrap, units and signs that cannot be right."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ..errors import DataError
+from ..identification.inverse import Observation
+from ..plant import Plant
+from ..record import Record
+from . import timing
+from .slow_signal import Readings
+
+Array = NDArray[np.float64]
+
+_COUNTERS = range(10, 33)  # bits of a counter that runs over
+_WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
+_ALIKE = 0.8  # squared correlation of two signals that are one in two units
+_OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
+_LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
+_MOST = 0.9  # of the samples in which an axis moves
+_LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
+_OFF, _ABSURD = 5.0, 1e3  # times an inertia: more than a wrong guess, and more than there can be anything in
+_AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
+_AT_END, _MOST_AT_END = 0.003, 0.2  # of the rows, at which a torque stands at its largest, that say anything
+_FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell how fast an axis is beside it
+_RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
+_BEYOND = 2.0  # times the largest torque of the other rows
+_SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
+_STAYS = 10  # rows there after another
+_MANY_LEVELS = 50  # of a torque: of fewer it is a command in steps
+_FEW = 150  # samples, of which a friction model cannot be told from noise
+_ENOUGH = 500  # samples, to say anything about signs
+_CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
+_FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is held
+_JUMP = 0.6  # of one distance to another, that are taken to be the same
+_OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
+_WHOLE = 1.01  # of what a counter holds, with room for how its ends were written
+_MANY_PLACES = 20  # an axis that moves
+_MOST_IN_TURNS, _IN_TURNS = 12, 3.0  # axes in one log; times what such an axis goes from one of its rows to the next
+_FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
+
+
+def back_and_forth(position: Array) -> int:
+    """Every how many rows a position (n,) continues that goes back and forth between them; 0 where it does not.
+
+    No axis does: its rows are those of several.
+    """
+    whole = position[np.isfinite(position)]
+    if len(np.unique(whole)) < _MANY_PLACES:  # a count of an encoder, back and forth
+        return 0
+    step = [float(np.mean(np.abs(whole[k:] - whole[:-k]))) for k in range(1, min(_MOST_IN_TURNS, len(whole) - 1) + 1)]
+    if len(step) < 2 or step[0] <= _IN_TURNS * min(step[1:]):
+        return 0
+    return int(np.argmin(step)) + 1
+
+
+def unwrapped(
+    position: Array, kind: str = "hinge", count: float | None = None, what: str = "position"
+) -> tuple[Array, str | None]:
+    """Position without the jumps of a hinge that has gone round or of a counter that ran over; a sentence where there
+    were any.
+
+    Args:
+        position: (n,) [rad or m].
+        kind: of the joint.
+        count: position of one encoder count [rad or m], None where unknown.
+        what: how it is called in messages.
+
+    Raises:
+        DataError: it jumps by 360 rad, as degrees do.
+    """
+    step = np.diff(position)
+    if not len(step):
+        return position, None
+    if kind == "hinge":
+        if (jumps := _alone(step, 360.0)).any():
+            raise DataError(f"{what} jumps by 360 rad at {int(jumps.sum())} samples, as degrees do: say units = "
+                            f'{{ {what.split()[0]} = "deg" }}')
+        smooth = _without(position, step, 2 * math.pi)
+        if smooth is not None:
+            jumps = np.abs(step) > math.pi
+            return smooth, f"{what} jumps by a whole revolution at {int(jumps.sum())} samples: unwrapped"
+    for bits in _COUNTERS if count else ():
+        size = float(count or 0.0) * 2**bits
+        if (jumps := _alone(step, size)).any() and (smooth := _without(position, step, size)) is not None:
+            return smooth, (f"{what} jumps by {2**bits} counts at {int(jumps.sum())} samples, as a counter of {bits} "
+                            "bits does: unwrapped")
+    return position, None
+
+
+def _alone(step: Array, size: float) -> NDArray[np.bool_]:
+    """(n,) which steps are one of a size, or none less, between small ones."""
+    small = size / _WRAPS
+    near = np.abs(np.abs(step) - size) < small
+    calm = np.concatenate([[True, True], np.abs(step) < small, [True, True]])
+    return near & calm[1:-3] & calm[:-4] & calm[3:-1] & calm[4:]
+
+
+def _without(position: Array, step: Array, size: float) -> Array | None:
+    """Position without jumps by a size and its multiples; None where there are none, or where it still jumps.
+
+    What runs over at a size reads no more than that: positions that lie further apart only moved as fast, or were held
+    for several rows, as those are that come at a lower rate than the torque.
+    """
+    jumps = np.abs(step) > size / 2
+    if not jumps.any() or jumps.mean() > 0.1 or np.ptp(position) > _WHOLE * size:
+        return None
+    turns = -np.round(step / size) * jumps
+    smooth = position + size * np.concatenate([[0.0], np.cumsum(turns)])
+    # Beside a true wrap the joint goes on as before; anything else is for the user to look at.
+    if np.abs(np.diff(smooth)).max() > max(4 * np.quantile(np.abs(step[~jumps]), 0.99), 1e-3):
+        return None
+    return smooth
+
+
+def leap(position: Array, count: float | None = None) -> int | None:
+    """The first sample that no joint can have come to from the one before: a reading that failed, a counter that began
+    anew; None where there is none.
+
+    Between one sample and the next an axis goes little further than between those around them, and never many times as
+    far as in nearly all others in which it moves: behind a coarse encoder a slow axis rests and steps by a count.
+    """
+    step = np.diff(position)
+    size = np.abs(step)
+    usual = max(float(np.quantile(size, 0.99)), float(np.quantile(size[size > 0], _MOST)) if size.any() else 0.0)
+    for i in np.flatnonzero(size > max(_LEAP * usual, _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))).tolist():
+        near = np.arange(max(i - 3, 0), min(i + 4, len(step)))
+        near = near[(near != i) & (step[near] * step[i] >= -(size[i] ** 2) / 2)]  # unless it leaps back
+        if _FAR * size[near].max(initial=0.0) < size[i]:
+            return i + 1
+    return None
+
+
+def filled(record: Record) -> tuple[Record, int]:
+    """The record with positions in the place of readings that were held, and how many were.
+
+    A bus that loses a frame, or an encoder that drops out, repeats its last reading while the axis moves on, and then
+    catches up in one sample what the axis has gone in several, which no mass can do. The motion before and after says
+    how fast it was at either end; between them goes the curve that bends least. Where the axis rests nothing is
+    changed, nor where every few readings are repeated.
+    """
+    q = record.position.copy()
+    least = _CAUGHT_UP * (record.resolution or 0.0)
+    still = np.concatenate([[False], np.diff(q) == 0, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    held = 0
+    for first, last in _joined(edges.reshape(-1, 2) + 1, q, least):
+        n = last - first
+        near = max(n // 2, _FEWEST_BESIDE)
+        if first < near or last + near > len(q):
+            continue
+        before, after = q[first - near : first], q[last : last + near]
+        pace = max(np.abs(np.diff(before)).max(), np.abs(np.diff(after)).max())
+        (a, v), (b, w) = _end(before[::-1]), _end(after)
+        usual = (n + 1) * (w - v) / 2
+        leaps = min(abs(b - a), abs(q[last] - q[first - 1])) > pace / _JUMP
+        if leaps and usual and _JUMP < (b - a) / usual < 1 / _JUMP:
+            q[first:last] = scipy.interpolate.CubicHermiteSpline([-1, n], [a, b], [-v, w])(np.arange(n))
+            held += n
+    if not held or held > _OFTEN * len(q):
+        return record, 0
+    return replace(record, signals={**record.signals, "position": q}), held
+
+
+def _joined(stretches: NDArray[np.intp], position: Array, least: float) -> list[tuple[int, int]]:
+    """Those stretches (k, 2) of samples that repeat the one before, the first and the one after the last of each, after
+    which the axis goes by more than `least` at once; two with hardly a reading between them are one."""
+    out: list[tuple[int, int]] = []
+    for first, last in stretches.tolist():
+        if last < len(position) and abs(position[last] - position[first - 1]) > least:
+            joins = bool(out) and first - out[-1][1] < _FEWEST_BESIDE
+            out.append((out.pop()[0] if joins else first, last))
+    return out
+
+
+def _end(position: Array) -> tuple[float, float]:
+    """The first position (n,), smoothed by a parabola, and its slope per sample."""
+    _, slope, value = np.polyfit(np.arange(len(position)), position, 2)
+    return float(value), float(slope)
+
+
+def answered(records: Sequence[Record], inertia: float | None) -> tuple[list[Record], list[str]]:
+    """Records without torques of a few rows that the axis does not answer, and a sentence on each that had some.
+
+    A frame that is lost reads zero, or anything. A torque that did act for so long moves the axis on at another speed,
+    by its impulse over the inertia.
+
+    Args:
+        records: of one axis.
+        inertia: [kg m^2] or [kg]; None: as the records roughly show it.
+    """
+    leaps = [_torque_leaps(r) for r in records]
+    if inertia is None and any(map(len, leaps)):
+        found = _rough(records)
+        inertia = found[0] if found else None
+    out, said = [], []
+    for r, rows in zip(records, leaps, strict=True):
+        failed = rows[~_answers(r, rows, inertia)] if inertia and len(rows) else rows[:0]
+        if len(failed):
+            kept = np.setdiff1d(np.arange(len(r)), failed)
+            torque = np.interp(np.arange(len(r)), kept, r.torque[kept])
+            out.append(replace(r, signals={**r.signals, "torque": torque}))
+            said.append(f"{r.name}: the torque leaps and comes back in {len(failed)} rows, first at "
+                        f"{r.time[failed[0]]:.5g} s, and the axis does not answer: readings that failed, filled in")
+        else:
+            out.append(r)
+    return out, said
+
+
+def _torque_leaps(record: Record) -> NDArray[np.intp]:
+    """(k,) rows in which the torque is far from that of the rows around for a few at a time, and zero or by far the
+    largest."""
+    u = record.torque
+    away = np.abs(u - scipy.ndimage.median_filter(u, 2 * _FEW_ROWS + 1, mode="nearest"))
+    usual = float(np.quantile(away, 1 - _RARE))
+    leaps = away > _FAR_TORQUE * usual if usual else np.zeros(len(u), bool)
+    most = _BEYOND * np.abs(u[~leaps]).max(initial=0.0)
+    rows = np.flatnonzero(leaps & ((u == 0) | (np.abs(u) > most)))
+    return rows[(rows >= _FEW_ROWS + _SLOPE) & (rows < len(u) - _FEW_ROWS - 1 - _SLOPE)]
+
+
+def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[np.bool_]:
+    """(k,) whether the axis goes on faster, or slower, after torques of a few rows, as their impulse would have it.
+
+    What cannot be seen behind the encoder counts as an answer, as does an axis that rests where the torque is zero."""
+    u, q, h = record.torque, record.position, record.sample_time
+    every = np.arange(len(u))
+    kept = np.setdiff1d(every, rows)
+    without = np.interp(every, kept, u[kept])
+    before = every[_SLOPE : -2 * _FEW_ROWS - 1 - _SLOPE]
+    after = before + 2 * _FEW_ROWS + 1
+
+    def speeds_up(position: Array) -> Array:
+        """By what the mean velocity after some rows differs from that before."""
+        return np.asarray((position[after + _SLOPE] - position[after] - position[before] + position[before - _SLOPE])
+                          / (_SLOPE * h))  # fmt: skip
+
+    def free(torque: Array) -> Array:
+        """Where a torque alone would move the axis."""
+        velocity = h / inertia * np.concatenate([[0.0], np.cumsum(torque)])
+        return h * np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
+
+    speed = (q[after] - q[before]) / ((2 * _FEW_ROWS + 1) * h)
+    friction = np.stack([np.sign(speed), speed, np.ones_like(speed)], 1)
+    change = speeds_up(q)
+    beyond = change - speeds_up(free(without))
+    beyond -= friction @ np.linalg.lstsq(friction, beyond)[0]
+    # What friction does to an axis that rests now and then no line in the speed tells.
+    change = min(change, beyond, key=lambda c: float(np.median(np.abs(c))))
+    noise = float(np.median(np.abs(change)))
+    at = rows - _FEW_ROWS - _SLOPE
+    due = speeds_up(free(u - without))[at]
+    rests = speed == 0
+    held = rests[at] & (u[rows] == 0)
+    return np.asarray(held | (np.abs(due) < _SEEN * noise) | (change[at] * due > _HALF * due**2))
+
+
+def hint(ratio: float) -> str:
+    """What two figures may have been mixed up that are so many times apart, for the end of a clause; "" if nothing."""
+    ratio = max(ratio, 1 / ratio)
+    return next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < _AS_FACTOR), "")
+
+
+def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[str]:
+    """What a user may want to know before trusting a result, one sentence each.
+
+    Args:
+        records: of one axis.
+        inertia: that was given, None where it is to be identified.
+        kind: "hinge" or "slide".
+
+    Raises:
+        DataError: the torque works against the motion, which no mechanism does.
+    """
+    said: list[str] = []
+    unit = "kg m^2" if kind == "hinge" else "kg"
+    for r in records:
+        if doubt := timing.clock(r.time):
+            said.append(f"{r.name}: {doubt}")
+        if (factor := _of_velocity(r)) is not None:
+            said.append(f"{r.name}: the velocity is {factor:.3g} times the slope of the position; is its unit "
+                        f"{'rpm or deg/s' if kind == 'hinge' else 'mm/s'}? Say it with units = {{ velocity = ... }}")
+        if np.ptp(r.torque) == 0 and r.torque[0]:
+            said.append(f"{r.name}: the torque is {r.torque[0]:.4g} throughout; is it the right column?")
+        if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
+            said.append(f"{r.name}: the position changes by less than {_FEWEST_COUNTS:g} counts of the encoder in all: "
+                        "no motion that could tell anything of friction")
+        said += [f"{r.name}: {doubt}" for doubt in (_twice(r), _at_its_end(r), _slow_torque(r)) if doubt]
+        if n := filled(r)[1]:
+            said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
+                        "filled in")
+    said += _seen_before(records)
+    fitted = [r for r in records if r.use == "fit"]
+    if fitted and sum(map(len, fitted)) < _FEW:
+        said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
+                    "from another")
+    found = _rough(fitted or list(records))
+    if found is None or sum(map(len, fitted or records)) < _ENOUGH:
+        return said
+    rough, dissipated, share = found
+    if dissipated < 0 and (rough < 0 or share < 0.05):
+        raise DataError(
+            f"the torque works against the motion: the records show an inertia of {rough:.3g} {unit} and friction that "
+            "drives the joint; torque or position has the wrong sign, try scale = { torque = -1 } (a negative "
+            "torque_constant for current)"
+        )
+    if inertia is not None and share > 0.2 and rough > 0:
+        ratio = max(rough / inertia, inertia / rough)
+        if ratio > _OFF:
+            given = (f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
+                     f"given: {ratio:.3g} times off{hint(ratio)}")  # fmt: skip
+            if ratio > _ABSURD:
+                raise DataError(f"{given}; leave axis.inertia out to have it identified")
+            said.append(given)
+    return said
+
+
+def _twice(record: Record) -> str:
+    """That two of its signals are one."""
+    names = [k for k in ("position", "velocity", "torque", "load") if k in record.signals]
+    for one, other in itertools.combinations(names, 2):
+        if np.array_equal(record.signals[one], record.signals[other]):
+            return f"{one} and {other} are the same numbers; is each the right column?"
+    return ""
+
+
+def _at_its_end(record: Record) -> str:
+    """That the torque stands at its largest, as a reading at the end of its range does."""
+    u = record.torque
+    most = np.abs(u).max()
+    there = np.abs(u) == most
+    share = float(np.mean(there))
+    stays = int(np.sum(there[1:] & there[:-1]))
+    if stays < _STAYS or not _AT_END < share < _MOST_AT_END or len(np.unique(u)) < _MANY_LEVELS:
+        return ""
+    return (f"the torque stands at {most:.4g} in {100 * share:.2g} % of the rows; where that is the end of what is "
+            "read, and not of what the drive gives, the rest is missing")  # fmt: skip
+
+
+def _slow_torque(record: Record) -> str:
+    """That the torque changes at some rows only, as one that is read at a lower rate."""
+    readings = None if record.sensed else Readings.of(record.torque)
+    if readings is None:
+        return ""
+    return (f"the torque changes at every {readings.every:.4g} rows only: taken as held between, as by a controller of "
+            "that rate; where it was read at that rate, say sensed = true")  # fmt: skip
+
+
+def _seen_before(records: Sequence[Record]) -> list[str]:
+    """That what validates has the very samples of what is fitted or chooses."""
+    said = []
+    for r in (r for r in records if r.use == "validate"):
+        for other in (o for o in records if o.use != "validate" and len(o) == len(r)):
+            if np.array_equal(r.torque, other.torque) and np.array_equal(r.position, other.position):
+                said.append(f"{r.name} has the same samples as {other.name}: errors on it prove nothing")
+    return said
+
+
+def _of_velocity(record: Record) -> float | None:
+    """How many times the slope of the position a logged velocity is; None where it is that slope, or is not known."""
+    v = record.get("velocity")
+    if v is None:
+        return None
+    slope = np.gradient(record.position, record.sample_time)
+    square, other = float(v @ v), float(slope @ slope)
+    if not square * other or (v @ slope) ** 2 < _ALIKE * square * other:
+        return None
+    factor = square / float(v @ slope)
+    return None if 1 / _OTHER_UNIT < factor < _OTHER_UNIT else factor
+
+
+def _rough(records: Sequence[Record]) -> tuple[float, float, float] | None:
+    """Rough inertia, rough power that friction takes [W], and the share of inertia in the torque (rms).
+
+    By least squares of the torque on acceleration, direction, velocity and what a position alone determines.
+    """
+    tops, sides, speeds = [], [], []
+    none = Plant.axis(1.0)
+    for r in records:
+        if len(r) < 64:
+            continue
+        o = Observation(r, 1 / (20 * r.sample_time))
+        q, v = o.position[o.index], o.velocity[o.index]
+        tops.append(np.stack([o.acceleration, np.sign(v), v, np.ones_like(v), q, np.sin(q), np.cos(q)], 1))
+        sides.append(o.applied(none) + o.replay(none))  # without what a robot's rigid bodies take
+        speeds.append(v)
+    if not tops:
+        return None
+    a, y, v = np.concatenate(tops), np.concatenate(sides), np.concatenate(speeds)
+    scale = np.maximum(np.sqrt(np.mean(a**2, 0)), 1e-300)
+    x = np.linalg.lstsq(a / scale, y, rcond=1e-6)[0] / scale
+    friction = x[1] * np.sign(v) + x[2] * v
+    total = float(np.sqrt(np.mean(y**2)))
+    if total == 0 or float(np.std(y - a @ x)) > 0.7 * total:  # this says too little about the torque
+        return None
+    power = float(np.mean(friction * v))
+    if abs(power) < 0.1 * float(np.mean(np.abs(y * v))):
+        power = 0.0
+    return float(x[0]), power, abs(float(x[0])) * float(scale[0]) / total

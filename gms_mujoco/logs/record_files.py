@@ -1,0 +1,189 @@
+"""The entries [[record]] of a measurement set: files that become Records in SI units."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import formats
+from ..errors import DataError
+from ..record import Record
+from . import columns, plausible, timing
+from .columns import subtable
+from .encoder import common_step
+from .measured_axis import Axis
+from .slow_signal import Readings
+
+Array = NDArray[np.float64]
+
+_KEYS = ("file", "use", "joint", "episode", "where", "rate", "span", "sensed", "columns", "units", "scale")
+_AS_DECLARED = 0.7  # of a declared count: positions with smaller steps come of a finer encoder
+_APART = 0.5  # times the longest time from one of several axes to the next, that the shortest is at most
+_OTHERS = "position of "  # before the name of another joint of the robot, among the signals
+
+
+def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[Record, list[str]]:
+    """A record, and what was done to it, a sentence each.
+
+    Args:
+        key: what the entry is called in messages, "record 1".
+        entry: the table of `dataset.toml`.
+        folder: of the file that it names.
+        axis: whose record it is.
+
+    Raises:
+        DataError: the file cannot be read or understood, or holds what no joint does.
+    """
+    name, use = columns.file_and_use(entry, _KEYS, key)
+    if not os.path.isfile(folder / name):
+        raise DataError(f"{key}: no such file: {name}")
+    table = formats.read(folder / name)
+    try:
+        episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")
+        where = subtable(entry, "where")
+        table = table.episode(episode).where(where)
+        signals, clock_said, note = _in_si(table, entry, axis)
+        notes = [note]
+        if sensed not in (None, True, False):
+            raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
+        by_current = "current" in signals
+        if by_current:
+            if axis.torque_constant is None:
+                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
+                                'or torque_constant = "unknown" to stay in A')
+            signals["torque"] = axis.torque_constant * signals.pop("current")
+        if span is not None:
+            kept = timing.within(signals["time"], span)
+            signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}
+            table = table.rows(kept)
+        together = functools.partial(columns.on_rows_of_position, sensed=bool(sensed) or by_current)
+        for leave_out in (together, columns.trimmed, columns.without_repeats):
+            rows, note = leave_out(signals)
+            table = table.rows(rows)
+            notes.append(note)
+        _expect_one_axis(table, signals)
+        columns.check(table, signals)
+        if not clock_said:
+            timing.expect_clock(signals["time"])
+            notes.append(timing.doubt(signals["time"]))
+        if sensed:
+            signals, table, note = _as_read("torque", signals, table)
+            notes.append(note)
+        if sensed is None:
+            sensed = by_current and timing.by_another_clock(signals["time"])
+        signals, table, note = _as_read("position", signals, table)
+        notes.append(note)
+        sensed = sensed and note is None  # else it is a mean
+        timing.expect_whole(signals["time"])
+        notes += _without_jumps(signals, table, axis)
+        # Interpolated positions would not show it any more.
+        seen = common_step(signals["position"])
+        count = axis.joint.resolution or seen or None
+        notes.append(_finer(axis.joint.resolution, seen, axis.joint.kind))
+        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
+        notes.append(note)
+    except DataError as error:
+        raise DataError(f"{key} ({name}): {error}") from None
+    others = {k.removeprefix(_OTHERS): signals.pop(k) for k in [*signals] if k.startswith(_OTHERS)}
+    short = Path(name).name if Path(name).is_absolute() else name
+    if episode is not None:
+        short += f" episode {episode}"
+    short += "".join(f" {k} {v}" for k, v in where.items())
+    if span is not None:
+        short += f" {span[0]:g} to {span[1]:g} s"
+    return Record(short, time, signals, use, count, sensed, others), [n for n in notes if n]
+
+
+def _expect_one_axis(table: formats.Table, signals: Mapping[str, Array]) -> None:
+    """Raises DataError where the rows are of several axes in turns."""
+    name, count = table.in_turns()
+    stamps, position = signals["time"], signals["position"]
+    if len(stamps) != len(position) or len(stamps) < 2:
+        return
+    step, shared = np.diff(stamps), False
+    if count:
+        turns = [float(np.mean(step[i::count])) for i in range(count)]
+        shared = min(turns) < _APART * max(turns)
+    back = plausible.back_and_forth(position)
+    if not shared and not back:
+        return
+    several = count if shared else back
+    if name:
+        one = {**table.texts, **table.columns}[name][0]
+        told = f'"{one}"' if isinstance(one, str) else f"{one:g}"
+        raise DataError(f"rows of {several} axes in turns, by {name}: choose one, as in where = {{ {name} = {told} }}")
+    raise DataError(f"position goes back and forth from row to row and continues every {several} rows, as where "
+                    f"{several} axes stand in turns; write a file of each, or choose the rows of one with where = "
+                    "{ column = value }")
+
+
+def _as_read(
+    what: str, signals: dict[str, Array], table: formats.Table
+) -> tuple[dict[str, Array], formats.Table, str | None]:
+    """Signals and table where one of them was read at a lower rate and held, and a sentence; as they are else."""
+    readings, time = Readings.of(signals[what]), signals["time"]
+    if readings is None:
+        return signals, table, None
+    return readings.kept(signals, what), table.rows(readings.seen(len(time))), readings.told(time, what)
+
+
+def _finer(declared: float | None, seen: float, kind: str) -> str | None:
+    """A sentence where positions have finer steps [rad or m] than an encoder as declared could make; else None."""
+    if not declared or not 0 < seen < _AS_DECLARED * declared:
+        return None
+    si = "rad" if kind == "hinge" else "m"
+    return f"positions have steps of {seen:.4g} {si}, finer than the count of {declared:.4g} {si} that was declared"
+
+
+def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[dict[str, Array], bool, str | None]:
+    """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and a
+    sentence where the file states units."""
+    chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
+    if len(axis.names) > 1 and entry.get("joint") is None:
+        for what in ("torque", "current", "position"):
+            if what in chosen and not isinstance(entry["columns"][what], Mapping):
+                raise DataError(
+                    f"columns.{what}: the set is of several joints; give a column for each, as in "
+                    f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
+                )
+    unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
+    scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
+    signals, stated = columns.pick(table, chosen, columns.rate(entry))
+    stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
+    raw = [key for key in ("position", "torque", "current") if key in signals]
+    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
+    note = columns.as_stated(signals, stated, axis.joint) or columns.remarked(
+        table, {**unit, **scale, **stated}, axis.joint.kind
+    )
+    columns.convert(signals, unit, scale, axis.joint)
+    for other, at in elsewhere.items():
+        kind = axis.joint.others[other]
+        signals[_OTHERS + other] = columns.into_si(
+            columns.column(table, f"columns.position.{other}", at), "position",
+            other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
+            kind, axis.resolution(other, kind),
+        )  # fmt: skip
+    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), note
+
+
+def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) -> list[str | None]:
+    """Unwraps the positions, in place, and says so; raises DataError where one leaps as no joint does."""
+    notes = []
+    for what in [k for k in signals if k.startswith("position")]:
+        other = what.removeprefix(_OTHERS)
+        kind = axis.joint.kind_of(other)
+        count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
+        signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
+        notes.append(note)
+        if (at := plausible.leap(signals[what], count)) is not None:
+            before, after = signals[what][at - 1 : at + 1]
+            si = "rad" if kind == "hinge" else "m"
+            raise DataError(f"{table.place(at)}: {what} leaps from {before:.6g} to {after:.6g} {si} in one sample, "
+                            "as no joint does; leave out what was read wrong, or take what is whole with span")
+    return notes

@@ -1,0 +1,1 @@
+"""Frequency responses: from spectra of records, from files, and by harmonic balance."""

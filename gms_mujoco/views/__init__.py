@@ -1,0 +1,1 @@
+"""Pages, pictures and recordings: edges, which nothing else imports but the figures."""

@@ -1,0 +1,20 @@
+"""What an error is of, and how it is told."""
+
+import numpy as np
+import pytest
+
+from gms_mujoco.comparison.score import POSITION, SCORES, TORQUE
+
+
+def test_a_torque_error_is_relative_and_a_position_error_is_in_radians() -> None:
+    left, measured = [np.array([0.1, -0.1]), np.array([0.3, 0.3])], [np.ones(2), np.ones(2)]
+    assert TORQUE.pooled(left, measured) == pytest.approx(np.sqrt((0.01 + 0.09) / 2))
+    assert POSITION.pooled(left, measured) == pytest.approx(0.2)  # records of equal weight, whatever their size
+
+
+def test_an_error_is_told_with_its_unit() -> None:
+    assert (TORQUE.told(0.0123), POSITION.told(0.0123)) == ("1.23 %", "12.3 mrad")
+    assert (TORQUE.told(None), POSITION.told(None)) == ("-", "-")
+    assert (TORQUE.column(0.0123), POSITION.column(0.0123), POSITION.column(None)) == ("1.23", "12.30", "-")
+    assert "%" in TORQUE.head and "[mrad]" in POSITION.head
+    assert {s.of: s.name for s in SCORES.values()} == {"torque": "torque error", "position": "position error"}

@@ -1,0 +1,202 @@
+"""What is in no catalogue and explains more than an effect that resembles it."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, runs
+from numpy.typing import NDArray
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.beyond import beyond
+from gms_mujoco.diagnosis.history import carried
+from gms_mujoco.diagnosis.judgement import Trial
+from gms_mujoco.effect import Effect
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.inverse import Observation
+from gms_mujoco.identification.linear_model import cross_validated
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.record import Record
+
+COGGING = effects.Cogging(harmonics=[13], amplitude=[0.2 * LEVEL], phase=[0.4])
+DRIFT = effects.ThermalDrift(amplitude=0.3, time_constant=1.0)
+ECCENTRIC = effects.EncoderEccentricity(amplitude=0.1, phase=0.7)
+COUPLED = effects.FlexibleCoupling(inertia=0.3 * J, frequency=40.0, damping=0.1)
+SATURATED = effects.TorqueSaturation(limit=6 * LEVEL)
+
+
+def _uneven(r: Record, share: float = 0.2, harmonic: int = 1) -> Record:
+    """The record of an axis whose inertia varies, which goes the same way under another torque."""
+    o = Observation(r, 100.0)
+    q, v = o.position, o.velocity
+    wave, slope = np.cos(harmonic * q + 0.4), -harmonic * np.sin(harmonic * q + 0.4)
+    return _driven(r, r.torque + share * J * (wave * np.gradient(v, r.time) + slope * v**2 / 2))
+
+
+def _weak(r: Record) -> Record:
+    """The record of a drive that gives u / (1 + u / 50 L) where u is asked for, a fifth less at 12 levels L."""
+    return _driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
+
+
+def _sagging(r: Record) -> Record:
+    """The record of a drive whose supply gives way, by a fifth at 1000 L W."""
+    power = np.maximum(r.torque * Observation(r, 100.0).velocity, 0)
+    return _driven(r, r.torque / (1 - 0.2 * power / (1000 * LEVEL)))
+
+
+def _growing(r: Record) -> Record:
+    """The record of an axis with 13 waves to a revolution that grow with the speed."""
+    o = Observation(r, 100.0)
+    return _driven(r, r.torque + 0.04 * LEVEL * np.abs(o.velocity) * np.sin(13 * o.position + 0.3))
+
+
+def _cooling() -> list[Record]:
+    """Records of an axis whose friction is a fifth less in the last."""
+    less = GMS.replace(coulomb=0.8 * GMS.coulomb, static=0.8 * GMS.static, stiffness=0.8 * np.asarray(GMS.stiffness))
+    return [*runs(HEALTHY)[:2], runs(HEALTHY.replace(less))[2]]
+
+
+def _fading(r: Record, share: float) -> Record:
+    """The record of a motor that gives so much less than is asked for."""
+    return _driven(r, r.torque / (1 - share))
+
+
+def _heated(r: Record) -> Record:
+    """The record of a motor whose torque constant falls by 30 %, over a heat of (4 L)^2 s."""
+    heat = np.cumsum(r.torque**2) * r.sample_time / (4 * LEVEL) ** 2
+    return _driven(r, r.torque / (0.7 + 0.3 * np.exp(-heat)))
+
+
+def _worn(r: Record) -> Record:
+    """The record of an axis whose friction begins half as strong again, and runs in over 20 rad."""
+    v = Observation(r, 100.0).velocity
+    gone = np.abs(v).cumsum() * r.sample_time
+    return _driven(r, r.torque + 0.5 * np.exp(-gone / 20) * (r.torque - J * np.gradient(v, r.time)))
+
+
+def _ringed(r: Record, share: float = 0.3, grip: float = 100.0) -> Record:
+    """The record of an axis with a ring of 30 % of its inertia, that lets slip at 100 rad/s^2."""
+    v = Observation(r, 100.0).velocity
+    (ring,) = carried([v], [r.sample_time], np.array([grip]))
+    return _driven(r, r.torque + share * J * np.gradient(ring[:, 0], r.time))
+
+
+def _driven(r: Record, torque: NDArray[np.float64]) -> Record:
+    return replace(r, signals={**r.signals, "torque": torque})
+
+
+def _trial(effect: Effect, records: list[Record]) -> tuple[FitResult, Trial]:
+    """The fit of a plant that has everything but the effect, and the one with it."""
+    now = fit_observations(UNKNOWN, observe(records, J))
+    result = fit_observations(UNKNOWN + effect, now.misfit.observations)
+    return now, Trial(effect.name, result, cross_validated(result.misfit, result.vector))
+
+
+def _said(effect: Effect, records: list[Record]) -> str:
+    now, trial = _trial(effect, records)
+    hint = beyond(now, cross_validated(now.misfit, now.vector), trial)
+    return hint.said if hint else ""
+
+
+@pytest.mark.parametrize("harmonic", [1, 2])
+def test_an_inertia_that_varies_is_no_eccentric_encoder(harmonic: int) -> None:
+    said = _said(ECCENTRIC, [_uneven(r, harmonic=harmonic) for r in runs(HEALTHY)])
+    assert said.startswith("an inertia that varies along the revolution, by 20 % to either side")
+    assert f"most of it {harmonic} to a revolution" in said
+
+
+def test_a_torque_constant_that_falls_is_no_saturation() -> None:
+    said = _said(SATURATED, [_weak(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque constant that falls with the torque")
+
+
+def test_a_supply_that_sags_is_no_saturation() -> None:
+    said = _said(SATURATED, [_sagging(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque constant that falls with the power that is drawn")
+
+
+def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
+    records = [_fading(r, share) for r, share in zip(runs(HEALTHY), (0.0, 0.05, 0.1), strict=True)]
+    said = _said(DRIFT, records)
+    told = re.match(r"a torque constant that is another in each record, -(.*) % in (\S+) beside (\S+),", said)
+    assert told is not None
+    assert told.groups()[1:] == (records[2].name, records[0].name)
+    assert float(told[1]) == pytest.approx(10, abs=1.5)
+
+
+def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> None:
+    said = _said(DRIFT, [_heated(r) for r in runs(HEALTHY)])
+    told = re.match(r"a torque constant that falls as the torque heats the motor .* of a record, by (.*) %,", said)
+    assert told is not None and float(told[1]) == pytest.approx(28, abs=3)
+
+
+def test_friction_that_runs_in_over_the_way_does_not_drift_in_time() -> None:
+    said = _said(DRIFT, [_worn(r) for r in runs(HEALTHY)])
+    told = re.match(r"friction that falls over the way in the course of a record, by (.*) %,", said)
+    assert told is not None and float(told[1]) == pytest.approx(33, abs=7)
+
+
+def test_a_body_that_friction_carries_along_is_no_coupling() -> None:
+    said = _said(COUPLED, [_ringed(r) for r in runs(HEALTHY)])
+    told = re.match(r"a body of (.*) % of the inertia, that friction carries along and lets slip,", said)
+    assert told is not None and float(told[1]) == pytest.approx(30, abs=8)
+
+
+def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
+    records = _cooling()
+    said = _said(DRIFT, records)
+    told = re.match(r"friction that is another in each record, (\S+) % in (\S+) beside (\S+),", said)
+    assert told is not None
+    assert told.groups()[1:] == (records[2].name, records[0].name)
+    assert float(told[1]) == pytest.approx(-20, abs=3)
+
+
+@pytest.mark.parametrize("effect", [DRIFT, COGGING], ids=lambda e: e.name)
+def test_all_friction_taken_from_the_records_but_one_explains_nothing(effect: Effect) -> None:
+    """Whatever is left of so little torque is little too."""
+    lacking = effects.Gravity(amplitude=0.5 * LEVEL, phase=0.3)
+    assert not _said(effect, runs(HEALTHY + lacking))
+
+
+def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:
+    records = [_driven(r, r.torque + 0.3 * LEVEL * np.sin(2 * np.pi * 50 * r.time + k))
+               for k, r in enumerate(runs(HEALTHY))]  # fmt: skip
+    said = _said(COGGING, records)
+    told = re.match(r"a torque that is periodic in time, at 50 Hz, of up to (\S+) N m", said)
+    assert told is not None and float(told[1]) == pytest.approx(0.3 * LEVEL, rel=0.1)
+
+
+def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
+    said = _said(COGGING, [_growing(r) for r in runs(HEALTHY)])
+    assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
+
+
+@pytest.mark.parametrize("effect", [COGGING, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
+def test_the_effect_itself_is_not_beaten(effect: Effect) -> None:
+    assert not _said(effect, runs(HEALTHY + effect))
+
+
+def test_a_torque_constant_that_comes_to_nothing_explains_nothing() -> None:
+    """A torque that does not move the axis would all be explained by a drive that delivers none of it."""
+    rng = np.random.default_rng(0)
+
+    def idle(r: Record) -> Record:
+        return _driven(r, 3 * LEVEL * np.sin(2 * np.pi * rng.uniform(3, 8) * r.time))
+
+    assert not _said(SATURATED, [idle(r) for r in runs(HEALTHY)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "said"), [(_uneven, "an inertia that varies"), (_weak, "a torque constant that")])
+def test_a_diagnosis_names_no_effect_for_what_is_in_no_catalogue(
+    change: Callable[[Record], Record], said: str
+) -> None:
+    sets = dataset(HEALTHY)
+    d = diagnose(Dataset(sets.path, tuple(map(change, sets.records)), sets.kind, sets.inertia), UNKNOWN)
+    assert not d.found and d.verdict == "unexplained"
+    assert said in d.remainder

@@ -1,0 +1,303 @@
+"""Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs, slow
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.diagnosis.friction_law import _NEAR, FrictionLaw, _strays, choices, much_better, with_law
+from gms_mujoco.diagnosis.judgement import Trial
+from gms_mujoco.diagnosis.search import Search, Step
+from gms_mujoco.fit import fit, fit_observations
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.candidates import GENERAL_LAWS
+from gms_mujoco.identification.frf_observation import Seen
+from gms_mujoco.identification.habits import as_logged
+from gms_mujoco.identification.linear_model import cross_validated
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import refine
+from gms_mujoco.plant import Plant
+from gms_mujoco.record import Record
+from gms_mujoco.views.report import render
+
+TRUE = {"stiffness": 2.0, "damping": 1e-3, "coulomb": LEVEL, "static": 5.5e-3, "stribeck_velocity": 0.6}
+SECONDS = 2.0
+SUBSTEPS = 10  # of MuJoCo in a sample
+BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e-5)
+CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
+    coulomb=LEVEL, static=5.5e-3, stribeck_velocity=3.0, creep_velocity=0.3
+)  # fmt: skip
+AND_WHAT_IT_HIDES = pytest.mark.parametrize("hidden", ["", *slow("cogging")])
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Diagnosis]:
+    """What an axis with one bristle is found to be, bare and with a hidden effect, from the default baseline."""
+    hidden = {"": BRISTLE, "cogging": BRISTLE + HIDDEN["cogging"]}
+    return {name: diagnose(dataset(plant, SECONDS)) for name, plant in hidden.items()}
+
+
+def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
+    own, *others = choices(HEALTHY)
+    assert own is HEALTHY["gms"] and [e.name for e in others] == ["lugre", "dahl", "stribeck", "frictionloss"]
+    assert all(e.unset for e in others) and "creep_velocity" in others[2].unset
+    assert [e.name for e in choices(BRISTLE)] == ["lugre", "gms", "dahl", "stribeck", "frictionloss"]
+    assert not choices(Plant.axis(J) + effects.Coulomb(coulomb=LEVEL)) and not choices(HEALTHY + BRISTLE["lugre"])
+
+
+def test_another_law_takes_the_place_of_the_first_and_nothing_else_changes() -> None:
+    changed = with_law(HEALTHY + HIDDEN["cogging"], BRISTLE["lugre"])
+    assert changed.effects == (BRISTLE["lugre"], HEALTHY["viscous"], HIDDEN["cogging"])
+    assert with_law(changed, HEALTHY["gms"]) == HEALTHY + HIDDEN["cogging"]
+    curved = Plant.axis(J) + effects.Dahl() + effects.Stribeck()  # which beside it is an effect
+    assert with_law(curved, HEALTHY["gms"]) == Plant.axis(J) + HEALTHY["gms"]
+
+
+@pytest.mark.parametrize("size", [1.0, 1e7])
+def test_one_bristle_is_found_from_nothing_on_axes_of_any_size(size: float) -> None:
+    records = [replace(r, signals={**r.signals, "torque": size * r.torque}) for r in runs(BRISTLE)]
+    plant = fit(Plant.axis() + effects.LuGre() + effects.Viscous(), records).plant
+    assert plant.inertia == pytest.approx(size * J, rel=0.01)
+    for name, value in TRUE.items():
+        expected = value if name == "stribeck_velocity" else size * value
+        assert plant["lugre"].values[name] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_bristle_that_turns_round_by_another_exponent_is_healthy() -> None:
+    """Neither elements nor one bristle of `lugre` bend like it."""
+    d = diagnose(dataset(Plant.axis(J) + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=1.6), SECONDS))
+    assert d.verdict == "adequate" and not d.found and "dahl describes the friction" in d.steps[0].evidence
+    assert d.plant["dahl"].values["exponent"] == pytest.approx(1.6, abs=0.05)
+
+
+def test_a_law_is_taken_with_the_exponent_that_brings_it_there() -> None:
+    """With the usual one it leaves more than the law whose place it takes, and is not looked at."""
+    true = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Dahl(stiffness=2.0, coulomb=LEVEL, exponent=0.5)
+    search = Search(observe(runs(true, seconds=SECONDS, torque_noise=TORQUE_NOISE), J), [], UNKNOWN)
+    own = fit_observations(UNKNOWN, search.seen)
+    usual = fit_observations(with_law(UNKNOWN, effects.Dahl()), search.seen)
+    assert usual.error**2 > _NEAR * own.error**2
+    search.steps = [Step(None, own, held_out=cross_validated(own.misfit, own.vector))]
+    law = FrictionLaw(search, free=True)
+    trial = law.better()
+    assert trial is not None and trial.law.name == "dahl" and trial.result.error < 1.1 * trial.result.floor
+    law.take(trial)
+    assert search.start["dahl"].exponent == pytest.approx(0.5, abs=0.02)  # of what is looked for beside it, too
+
+
+def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
+    d = found[""]
+    assert d.verdict == "adequate" and not d.found
+    assert [e.name for e in d.plant.effects] == ["lugre", "viscous"]
+    assert d.steps[0].validate_error <= 1.3 * d.noise_floor
+
+
+@AND_WHAT_IT_HIDES
+def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidden: str) -> None:
+    d = diagnose(dataset(CREEPS + HIDDEN[hidden] if hidden else CREEPS, SECONDS))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    assert str(d.to_dict()["steps"][0]["evidence"]).startswith("stribeck, which gives way below its level (creep")
+    law = d.plant["stribeck"]
+    assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
+
+
+def by_mujoco(hidden: str, limit: float = 1.0) -> Dataset:
+    """Runs of an axis that MuJoCo itself simulates, frictionloss and all, at its default solver parameters, with a
+    drive that gives no more than a limit [N m]."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{SAMPLE_TIME / SUBSTEPS}" gravity="0 0 0"/><worldbody><body>
+        <joint name="shaft" axis="0 0 1" damping="2e-5" frictionloss="{LEVEL}"/>
+        <inertial pos="0 0 0" mass="1e-6" diaginertia="{J} {J} {J}"/></body></worldbody>
+        <actuator><motor joint="shaft" ctrllimited="true" ctrlrange="{-limit} {limit}"/>{hidden}</actuator></mujoco>"""
+    )
+
+    def again(record: Record) -> Record:
+        position = in_mujoco(model, record.torque, SUBSTEPS)[:-1]
+        noise = TORQUE_NOISE * np.random.default_rng(len(record.name)).standard_normal(len(record))
+        signals = {"torque": record.torque + noise, "position": COUNT * np.round(position / COUNT)}
+        return replace(record, signals=signals)
+
+    made = dataset(HEALTHY, SECONDS)
+    return replace(made, records=tuple(again(r) for r in made.records))
+
+
+@AND_WHAT_IT_HIDES
+def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str) -> None:
+    cogs = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
+    d = diagnose(by_mujoco(cogs if hidden else ""))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    law, ahead = d.plant["frictionloss"], 0.02 * 0.95 / 2
+    assert law.coulomb == pytest.approx(LEVEL, rel=0.02)
+    assert law.creep_velocity == pytest.approx(LEVEL * ahead / (9 * J), rel=0.02)
+    assert law.creep_time == pytest.approx(ahead, rel=0.02)
+
+
+def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
+    """Elements that bend as they like leave less of a drive at its limit than the right law does by itself."""
+    d = diagnose(by_mujoco("", 1.5 * LEVEL))
+    assert [e.name for e in d] == ["torque_saturation"] and d.verdict == "explained"
+    assert d.found[0].limit == pytest.approx(1.5 * LEVEL, rel=0.01)
+    said = str(d.to_dict()["steps"][0]["evidence"])
+    assert said.startswith("frictionloss describes the friction, in the place of gms: with it and what is found beside")
+    assert d.comparisons[-1].error <= 1.2 * d.noise_floor
+
+
+def _ended(error: float, floor: float) -> Any:
+    result = SimpleNamespace(error=error, floor=floor)
+    return SimpleNamespace(steps=[SimpleNamespace(result=result)], start=HEALTHY, selects=lambda result: True)
+
+
+@pytest.mark.parametrize(
+    ("error", "floor", "better"), [(0.06, 0.05, True), (0.29, 0.05, False), (0.29, 0.28, False), (0.06, 0.001, True)]
+)
+def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
+    assert bool(much_better(_ended(0.3, 0.04), _ended(error, floor))) == better
+
+
+def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
+    d = found["cogging"]
+    assert d.verdict == "explained" and [e.name for e in d] == ["cogging"] and "lugre" in d.plant
+    np.testing.assert_allclose(d.found[0].amplitude, HIDDEN["cogging"].amplitude, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ["", "cogging"])
+def test_the_choice_is_told_wherever_the_steps_are(found: dict[str, Diagnosis], name: str) -> None:
+    said = found[name].to_dict()["steps"][0]["evidence"]
+    assert said.startswith("lugre describes the friction, in the place of gms") and "p = " in said
+    assert said in str(found[name]) and said[1:] in render(found[name])
+
+
+def test_a_habit_of_the_log_is_allowed_for_beside_the_law_that_was_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though what the wrong law left was too much to see beside it that currents were measured after they had acted."""
+
+    def seen(found: FitResult, **given: float) -> list[Seen] | None:
+        return as_logged(found, **given) if "lugre" in found.plant else None
+
+    for module in ("diagnosis.search", "fit"):
+        monkeypatch.setattr(sys.modules[f"gms_mujoco.{module}"], "as_logged", seen)
+    early = 0.4
+    held = [(1 - early) * r.torque + early * np.append(r.torque[:1], r.torque[:-1]) for r in runs(BRISTLE)]
+    logged = [replace(r, signals={**r.signals, "torque": u}) for r, u in zip(runs(BRISTLE), held, strict=True)]
+    search = Search(observe(logged, J), [], UNKNOWN)
+    search.first(lambda done, message: None)
+    law = FrictionLaw(search, free=True)
+    trial = law.better()
+    assert trial is not None
+    law.take(trial)
+    found = search.steps[0].result
+    assert "lugre" in found.plant and found.error < 0.5 * trial.result.error
+    assert found.plant.provenance["clock_skew"] == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
+
+
+def test_maxwell_elements_stay_where_something_is_hidden_beside_them() -> None:
+    """One bristle is damped, and a delay looks like damping."""
+    d = diagnose(dataset(HEALTHY + HIDDEN["delay"], SECONDS))
+    assert "gms" in d.plant and [e.name for e in d] == ["delay"] and d.verdict == "explained"
+    assert "evidence" not in d.to_dict()["steps"][0]
+
+
+def test_at_the_noise_floor_no_other_law_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*given: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("gms_mujoco.diagnosis.friction_law.with_law", refuse)
+    assert diagnose(dataset(HEALTHY, SECONDS)).verdict == "adequate"
+
+
+@pytest.mark.parametrize(("floor", "tried"), [(0.6, True), (0.9, False)], ids=["room", "no room"])
+def test_within_the_tolerance_of_the_floor_another_law_is_taken_where_noise_leaves_room(
+    monkeypatch: pytest.MonkeyPatch, floor: float, tried: bool
+) -> None:
+    """Behind a coarse encoder a wrong law may leave hardly more than noise, and fail on records that are new."""
+    search = Search(observe(runs(BRISTLE, seconds=SECONDS), J), [], replace(UNKNOWN, inertia=J))
+    search.first(lambda done, message: None)
+    noise = floor * search.held_out.total
+    for where in ("diagnosis.judgement", "diagnosis.friction_law"):
+        monkeypatch.setattr(f"gms_mujoco.{where}.floor_of", lambda *given: noise)
+    assert search.at_floor
+    better = FrictionLaw(search, free=True).better()
+    assert (better is not None and better.law.name == "lugre" and better.clear) == tried
+
+
+@pytest.mark.parametrize("strays", [True, False])
+def test_a_law_as_no_bearing_has_it_goes_for_one_of_fewer_unknowns(
+    strays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though nothing tells them apart: samples that are too coarse have let it go wherever it likes."""
+    law = effects.Stribeck(coulomb=LEVEL, static=LEVEL, stribeck_velocity=1.0, creep_velocity=0.3)
+    seen = observe(runs(Plant.axis(J) + law + HEALTHY["viscous"], seconds=4.0, resolution=2 * np.pi / 4096)[1:], J)
+    unseen = effects.GMS(elements=4).replace(
+        stiffness=[2.0, 1.0, 0.5, 0.2], coulomb=LEVEL, static=6 * LEVEL, stribeck_velocity=1e-4, attraction=0.5
+    )
+    start = Plant.axis(J) + unseen + HEALTHY["viscous"]
+    near = Misfit(start, seen, fixed=["gms.static", "gms.stribeck_velocity"])
+    now = refine(near, near.vector(start))
+    search = Search(seen, [], UNKNOWN)
+    search.steps = [Step(None, now, held_out=cross_validated(now.misfit, now.vector))]
+    assert search.at_floor and _strays(now.plant) and not _strays(HEALTHY)
+    monkeypatch.setattr("gms_mujoco.diagnosis.friction_law.p_value", lambda *held_out: 0.5)
+    monkeypatch.setattr("gms_mujoco.diagnosis.friction_law._strays", lambda plant: strays)
+    better = FrictionLaw(search, free=True).better()
+    assert (better is not None) == strays
+    if better:
+        assert better.result.misfit.size < now.misfit.size and better.result.error < now.error
+
+
+@pytest.mark.slow
+def test_the_law_of_a_plant_that_is_given_stays_and_the_better_one_is_told() -> None:
+    d = diagnose(dataset(BRISTLE, SECONDS), UNKNOWN)
+    assert "gms" in d.plant and "described by lugre in the place of gms" in d.remainder
+    assert d.verdict != "adequate"
+
+
+def test_what_modulates_friction_is_found_beside_one_bristle() -> None:
+    hidden = effects.AsymmetricFriction(level=0.25)
+    d = diagnose(dataset(BRISTLE + hidden, SECONDS))
+    assert "lugre" in d.plant and [e.name for e in d] == ["asymmetric_friction"]
+    assert d.found[0].level == pytest.approx(0.25, rel=0.05)
+
+
+DRY = Plant.axis(J) + effects.Coulomb() + effects.Viscous()
+DRAG = effects.Viscous(coefficient=2e-5)
+LAWS = {
+    "lugre": BRISTLE,
+    "gms": HEALTHY,
+    "stribeck": Plant.axis(J) + effects.Stribeck(coulomb=LEVEL, static=6e-3, stribeck_velocity=2.0) + DRAG,
+    "dahl": Plant.axis(J) + effects.Dahl(stiffness=1.0, coulomb=LEVEL, exponent=1.5) + DRAG,
+}
+
+
+@pytest.mark.parametrize("name", ["lugre", "stribeck", *slow("gms", "dahl")])
+def test_the_law_that_a_plant_lacks_is_named(name: str) -> None:
+    """A general one too, in the place of what it contains; and not where what it contains does as well."""
+    found = diagnose(dataset(LAWS[name], SECONDS), DRY)
+    assert [s.effect for s in found.steps] == [None, name] and found.verdict == "explained"
+    law, true = found.plant[name], LAWS[name][name]
+    assert ("coulomb" in found.plant) == (name not in GENERAL_LAWS)
+    assert (f"{name}, in the place of coulomb: with it" in found.steps[1].evidence) == (name in GENERAL_LAWS)
+    if name == "dahl":
+        assert law.exponent == pytest.approx(true.exponent, rel=0.05)
+    if name != "stribeck":  # which shares the level with the other law
+        assert law.coulomb == pytest.approx(true.coulomb, rel=0.02)
+
+
+def test_a_law_that_was_found_gives_way_to_one_that_contains_it() -> None:
+    """What it was found by is then no step of its own."""
+    search = Search(observe(dataset(BRISTLE, SECONDS).fit, J), [], DRY)
+    search.first(quiet)
+    dahl = fit_observations(search.steps[0].result.plant + effects.Dahl(), search.seen)
+    search = search.branch(1, Trial("dahl", dahl, cross_validated(dahl.misfit, dahl.vector)))
+    assert search.add_one(quiet) and [s.effect for s in search.steps] == [None, "lugre"]
+    assert {e.name for e in search.steps[-1].result.plant.effects} == {"lugre", "viscous"}
+
+
+def quiet(done: float, message: str) -> None: ...

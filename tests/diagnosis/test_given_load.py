@@ -1,0 +1,72 @@
+"""A load that is logged, and acts on the axis."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, run
+
+from gms_mujoco.dataset import Dataset, load, save
+from gms_mujoco.diagnosis.given_load import corrected_load
+from gms_mujoco.errors import DataError
+from gms_mujoco.excitation import multisine
+from gms_mujoco.record import Record
+
+
+def _loaded(acts: float, uses: str = "fit fit validate") -> Dataset:
+    """Runs beside a load of up to three levels, that acts on the axis so many times."""
+    rng, n = np.random.default_rng(3), 3000
+
+    def one(k: int, use: str) -> Record:
+        torque = multisine(n, SAMPLE_TIME, 0.5, 20.0, (1.0 + 2 * k) * LEVEL, rng)
+        weight = 1.5 * LEVEL * (1 + np.sin(2 * np.pi * 0.7 * SAMPLE_TIME * np.arange(n) + k))
+        r = run(HEALTHY, torque + acts * weight, k, name=f"r{k}", use=use)
+        return replace(r, signals={**r.signals, "torque": r.torque - acts * weight, "load": weight})
+
+    records = [one(k, use) for k, use in enumerate(uses.split())]
+    return Dataset(Path(), tuple(records), "hinge", J)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_load_that_acts_is_counted_in_one_way_or_the_other(sign: int) -> None:
+    runs = _loaded(sign)
+    acting, said = corrected_load(runs, UNKNOWN)
+    assert f"Add load_acts = {sign} to [axis]" in said
+    for r, as_given in zip(acting.records, runs.records, strict=True):
+        assert r.signals["rigid_torque"] == pytest.approx(-sign * as_given.signals["load"])
+
+
+def test_a_load_that_only_presses_is_left_as_it_is() -> None:
+    runs = _loaded(0)
+    assert corrected_load(runs, UNKNOWN) == (runs, "")
+
+
+def test_records_without_a_load_are_left_as_they_are() -> None:
+    runs = _loaded(0)
+    bare = [replace(r, signals={k: v for k, v in r.signals.items() if k != "load"}) for r in runs.records]
+    runs = replace(runs, records=tuple(bare))
+    assert corrected_load(runs, UNKNOWN) == (runs, "")
+
+
+def test_a_set_says_that_its_load_acts(tmp_path: Path) -> None:
+    save(tmp_path, _loaded(1).records, inertia=J)
+    file = tmp_path / "dataset.toml"
+    as_written = file.read_text()
+
+    def with_key(value: str) -> Dataset:
+        file.write_text(as_written.replace("[axis]", f"[axis]\nload_acts = {value}"))
+        return load(tmp_path)
+
+    for r in with_key("-1").records:
+        assert r.signals["rigid_torque"] == pytest.approx(r.signals["load"])
+    with pytest.raises(DataError, match=r"axis\.load_acts must be 1, .* or -1; 2 given"):
+        with_key("2")
+
+
+def test_a_load_that_acts_has_to_be_there(tmp_path: Path) -> None:
+    save(tmp_path, [run(HEALTHY, np.full(200, 2 * LEVEL), name="r")])
+    file = tmp_path / "dataset.toml"
+    file.write_text(file.read_text().replace("[axis]", "[axis]\nload_acts = 1"))
+    with pytest.raises(DataError, match=r"axis\.load_acts: no record has a load"):
+        load(tmp_path)

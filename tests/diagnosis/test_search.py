@@ -1,0 +1,225 @@
+"""The search for what is missing: what it lets go before it names an effect."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.friction_shape import straightened
+from gms_mujoco.diagnosis.joint_fits import JointFits
+from gms_mujoco.diagnosis.judgement import Trial, left_of
+from gms_mujoco.diagnosis.search import Search, Step
+from gms_mujoco.effect import Effect
+from gms_mujoco.fit import baseline, fit_observations
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.habits import EARLY_SHARE, acting_early
+from gms_mujoco.identification.linear_model import cross_validated
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import refine
+from gms_mujoco.identification.scales import Scales
+from gms_mujoco.identification.screen import Candidate, Screen
+from gms_mujoco.progress import silent
+from gms_mujoco.record import Record
+
+
+def _logged(record: Record, early: float, line: float) -> Record:
+    """The log of a current that acted `early` samples before its row, beside a torque of 12 Hz that nobody knows."""
+    held = (1 - early) * record.torque + early * np.append(record.torque[:1], record.torque[:-1])
+    unknown = line * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(held)))
+    return replace(record, signals={**record.signals, "torque": held + unknown})
+
+
+def test_an_effect_that_takes_far_more_than_a_habit_of_the_log_comes_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is missing presses the clocks apart as well, and so explains a little."""
+    shares: list[float] = []
+    for stiffness in (0.02, 0.1):
+        search = Search(observe(runs(HEALTHY + effects.Spring(stiffness=stiffness)), J), [], UNKNOWN)
+        search.first(silent)
+        first = search.steps[0].result
+        whole = fit_observations(first.plant + effects.Spring(stiffness=stiffness), search.seen)
+        trial = Trial("spring", whole, cross_validated(whole.misfit, whole.vector))
+        with monkeypatch.context() as m:
+            m.setattr(search, "is_worth_it", lambda *given: True)
+            m.setattr(search, "relogged", lambda share=EARLY_SHARE: shares.append(share))
+            m.setattr("gms_mujoco.diagnosis.search.carries", lambda *given: True)
+            search._accept([trial], {"spring": 1e-9})
+        taken = 1 - (whole.error / first.error) ** 2
+        assert shares[-2:] == [pytest.approx(EARLY_SHARE * taken, rel=1e-3), EARLY_SHARE]
+
+
+@pytest.mark.parametrize("early", [0.0, 0.5])
+def test_a_habit_of_the_log_is_let_go_before_an_effect_is_named(early: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though it takes little beside what is unknown, for which an effect may stand; without one nothing changes."""
+    search = Search(observe([_logged(r, early, 0.2) for r in runs(HEALTHY)], J), [], UNKNOWN)
+    search.first(silent)
+    first = search.steps[0].result
+    assert first.error > 2 * first.floor and acting_early(first) is None
+    with_spring = fit_observations(first.plant + effects.Spring(stiffness=0.1), search.seen)
+    trial = Trial("spring", with_spring, cross_validated(with_spring.misfit, with_spring.vector))
+    monkeypatch.setattr(search, "is_worth_it", lambda *given: True)
+    monkeypatch.setattr("gms_mujoco.diagnosis.search.carries", lambda *given: True)
+    assert search._accept([trial], {"spring": 1e-9})
+    if early:
+        assert [s.effect for s in search.steps] == [None]
+        skew = search.steps[0].result.plant.provenance["clock_skew"]
+        assert skew == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
+        assert search._accept([trial], {"spring": 1e-9})  # once: then it is named
+    assert [s.effect for s in search.steps] == [None, "spring"]
+
+
+def test_a_habit_that_shows_only_out_of_a_local_optimum_is_allowed_for() -> None:
+    """Friction that never slips stands for a spring, as another one in each record: what it leaves hides when torques
+    acted."""
+    true = HEALTHY + effects.Spring(stiffness=0.05)
+    records = tuple(_logged(r, 0.5, 0.0) for use in ("fit", "validate") for r in runs(true, use))
+    found = diagnose(Dataset(Path(), records, true.kind, true.inertia))
+    assert found.plant.provenance["clock_skew"] == pytest.approx(-0.5 * SAMPLE_TIME, rel=0.1)
+
+
+def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[str] = []
+    roughly = JointFits.roughly
+
+    def told(fits: JointFits, current: FitResult, candidate: Candidate, below: float) -> tuple[Misfit, np.ndarray]:
+        tried.append(candidate.effect.name)
+        return roughly(fits, current, candidate, below)
+
+    monkeypatch.setattr(JointFits, "roughly", told)
+    drag = effects.QuadraticDrag(coefficient=0.0015 * LEVEL / 30**2)
+    for plant, expected in ((HEALTHY, []), (HEALTHY + drag, ["quadratic_drag"])):
+        search = Search(observe(runs(plant), J), [], UNKNOWN)
+        search.first(silent)
+        assert search.at_floor
+        search.add_one(silent)
+        assert tried[:1] == expected
+
+
+def test_from_the_beginning_an_effect_is_tried_however_little_it_promised() -> None:
+    """Friction has bent to hide it; and what leaves no less is not looked at further."""
+    drag = effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2)
+    search = Search(observe(runs(HEALTHY + drag, seconds=1.0), J), [], UNKNOWN)
+    search.first(silent)
+    now = search.steps[0].result
+    names = ("gravity", "cogging", "spring", "quadratic_drag")
+    screen = Screen(now.misfit, now.vector)
+    found = search._afresh([c for n in names if (c := screen.candidate(effects.find(n)))], silent)
+    assert "quadratic_drag" in [name for name, *_ in found]
+    assert all(left_of(misfit, x) < left_of(now.misfit, now.vector) for _, misfit, x in found)
+
+
+def test_a_drag_is_tried_beside_another_curve_than_one_that_has_bent_to_stand_for_it() -> None:
+    """Beside a curve that falls at slow speed it leaves less than beside one that falls over all; else nothing is."""
+    law, drag = GMS.replace(static=1.02 * LEVEL), effects.QuadraticDrag(coefficient=0.1 * LEVEL / 20**2)
+    seen = observe(runs(HEALTHY.replace(law) + drag), J)
+    bent = HEALTHY.replace(law.replace(static=3 * LEVEL, stribeck_velocity=Scales.of(seen)["rad/s"]))
+    search = Search(seen, [], HEALTHY)
+    for plant, tried in ((HEALTHY, False), (bent + drag, False), (bent, True)):
+        near = Misfit(plant, seen, fixed=["gms.stribeck_velocity"])
+        now = refine(near, near.vector(plant))
+        search.steps = [Step(None, now)]
+        found = search._beside_straight()
+        assert [name for name, *_ in found] == ["quadratic_drag"] * tried
+        for _, misfit, x in found:
+            assert left_of(misfit, x) < 0.1 * left_of(now.misfit, now.vector)
+            assert misfit.plant(x)["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
+    search.false.add("quadratic_drag")
+    assert not search._beside_straight()
+
+
+def test_a_drag_takes_the_place_of_a_curve_that_stands_for_it_at_the_noise_floor() -> None:
+    """And a curve that does bend over all speeds keeps its own."""
+    law, noise = GMS.replace(static=1.02 * LEVEL), 1e-3
+    drag = effects.QuadraticDrag(coefficient=0.3 * LEVEL / 20**2)
+    curve = law.replace(static=1.4 * LEVEL, stribeck_velocity=25.0)
+    for plant, there in ((HEALTHY.replace(law) + drag, True), (HEALTHY.replace(curve), False)):
+        near = Misfit(HEALTHY.replace(curve), observe(runs(plant, torque_noise=noise), J))
+        now = refine(near, near.vector(HEALTHY.replace(curve)))
+        search = Search(near.observations, [], HEALTHY)
+        search.steps = [Step(None, now, held_out=cross_validated(now.misfit, now.vector))]
+        assert search.at_floor and straightened(now)
+        assert search._drag_for_curve() == there
+        assert [s.effect for s in search.steps[1:]] == ["quadratic_drag"] * there
+        if there:
+            base, last = (s.result for s in search.steps)
+            assert last.plant["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.1)
+            assert base.error > 1.2 * last.error
+
+
+def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
+    """An effect that leaves less beside the present curve goes first; the curve that is left to find comes after it."""
+    law = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
+    hidden = effects.QuadraticDrag(coefficient=0.01 * LEVEL / 20**2)
+    records = runs(HEALTHY.replace(law) + hidden, seconds=4.0, seed=7, torque_noise=1e-5)
+    search = Search(observe(records, J), [], baseline(J))
+    search.first(silent)
+    assert search.waits and search.steps[0].result.plant["gms"].stribeck_exponent == 1
+    assert search.add_one(silent)
+    assert [s.effect for s in search.steps] == [None, "quadratic_drag"] and not search.waits
+    found = search.steps[-1].result.plant
+    assert found["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.03)
+    assert found["quadratic_drag"].coefficient == pytest.approx(hidden.coefficient, rel=0.02)
+
+
+def test_a_curve_that_waits_for_nothing_comes_at_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
+    search = Search(observe(runs(HEALTHY.replace(law), seconds=6.0, seed=3), J), [], baseline(J))
+    monkeypatch.setattr(search, "_explains_more", lambda *given: True)
+    search.first(silent)
+    assert search.waits and search.steps[0].result.plant["gms"].stribeck_exponent == 1
+    assert search.add_one(silent) and len(search.steps) == 1 and not search.waits
+    assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
+    assert search.at_floor
+
+
+def test_a_curve_is_looked_for_again_where_a_plant_has_come_well_below_where_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
+    search = Search(observe(runs(HEALTHY.replace(law), seconds=6.0, seed=3), J), [], baseline(J))
+    with monkeypatch.context() as unseen:
+        unseen.setattr("gms_mujoco.diagnosis.search.other_curve", lambda now, left: (now, left))
+        search.first(silent)
+    for name in ("_accept", "_accept_two", "_drag_for_curve", "_refined", "relogged"):
+        monkeypatch.setattr(search, name, lambda *given: False)
+    assert not search.add_one(silent) and search.steps[0].result.plant["gms"].stribeck_exponent == 1
+    monkeypatch.setattr(search, "_shaped_at", 1.2 * search.steps[0].result.error)
+    assert search.add_one(silent) and len(search.steps) == 1
+    assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
+
+
+@pytest.mark.parametrize(("travel", "loaded", "kept"), [(3.0, 1.3, False), (3.0, 5.0, True), (9.0, 1.3, True)])
+def test_friction_over_a_part_of_a_wave_gives_way_to_what_a_load_does(
+    travel: float, loaded: float, kept: bool
+) -> None:
+    """As on a robot, whose links load a joint by where they stand."""
+    search = Search([SimpleNamespace(position=np.linspace(0, travel, 9))], [], UNKNOWN)  # type: ignore[list-item]
+    uneven = effects.PositionDependentFriction(harmonics=[1], amplitude=[0.2], phase=[0.3])
+    heavy = effects.LoadDependentFriction(coefficient=0.1)
+
+    def trial(effect: Effect, total: float) -> Any:
+        result = SimpleNamespace(plant=HEALTHY + effect)
+        return SimpleNamespace(name=effect.name, result=result, held_out=SimpleNamespace(total=total))
+
+    both = [trial(uneven, 1.0), trial(heavy, loaded)]
+    assert search._beside_load(both[:1]) == both[:1]
+    assert search._beside_load(both) == (both if kept else both[1:])
+
+
+def test_friction_gets_more_elements_from_where_a_trial_has_led() -> None:
+    many = GMS.replace(stiffness=[0.5, 0.3, 0.12, 0.08], fraction=[0.3, 0.25, 0.25, 0.2])
+    search = Search(observe(runs(HEALTHY.replace(many)), J), [], HEALTHY)
+    few = fit_observations(HEALTHY.replace(effects.GMS(elements=3)), search.seen)
+    search.steps = [Step(None, few, held_out=cross_validated(few.misfit, few.vector))]
+    assert not search.at_floor and search._refined()
+    assert search.steps[-1].result.plant["gms"].elements > 3 and search.at_floor
+    assert not search._refined()
