@@ -1,1 +1,5 @@
-"""Pages, pictures and recordings: edges, which nothing else imports but the figures."""
+"""Pages, pictures and recordings of what the verbs return.
+
+`report` is the HTML page, `tour` the rerun recording of a diagnosis; `scene` shows a model in motion, `portrait` the
+friction of a plant. `figure` draws the curves of them all.
+"""
