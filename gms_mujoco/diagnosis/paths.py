@@ -8,7 +8,7 @@ from ..identification.refine import CLOSE_TO_FLOOR
 from ..progress import Progress, part, silent
 from .friction_law import FrictionLaw
 from .judgement import Trial, floor_of, leaves_much_less, left_of, simplest, takes
-from .recheck import drop_false, drop_late, drop_ripple, drop_series, exchange
+from .recheck import drop_false, drop_late, drop_ripple, drop_series, drop_shadows, exchange
 from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
@@ -38,6 +38,7 @@ def searched(search: Search, free: bool, report: Progress, instead_of: Search | 
     leads = instead_of is None or leaves_much_less(instead_of.steps[-1].result, search.steps[-1].result)
     if leads and not search.at_floor and not search.quick:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
+    drop_shadows(search)
     return friction.said, drop_late(search) or drop_series(search) or drop_ripple(search)
 
 

@@ -20,6 +20,7 @@ from ..identification.refine import refine
 from ..identification.screen import Screen
 from ..identification.tall import gram
 from ..plant import Plant
+from .beyond import beyond
 from .joint_fits import forms
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .search import Search, Step, Tried
@@ -165,6 +166,24 @@ def drop_false(search: Search) -> bool:
         _drop(search, k, left, held_out)
         dropped = True
     return dropped
+
+
+def drop_shadows(search: Search) -> None:
+    """Takes away again effects in whose place what is in no catalogue leaves much less.
+
+    A cause that is told beside an effect may be all that there is: the effect was chosen while friction was still
+    wrong, or not all of the records were, and it showed less. See `beyond`.
+    """
+    if search.hint is None or search.at_floor:
+        return
+    for k in range(len(search.steps) - 1, 0, -1):
+        last = search.steps[-1]
+        left, held_out, *_ = _against(search, k)
+        hint = beyond(left, held_out, Trial(str(search.steps[k].effect), last.result, last.held_out))
+        if hint is not None:
+            search.hint = hint
+            _reject(search, k)
+            _drop(search, k, left, held_out)
 
 
 def drop_last(search: Search, ended: FitResult) -> bool:

@@ -10,8 +10,9 @@ from scipy import signal
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.beyond import Hint
 from gms_mujoco.diagnosis.judgement import Trial, carries
-from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, exchange, undoing
+from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, undoing
 from gms_mujoco.diagnosis.search import Search, Step
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
@@ -73,6 +74,27 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
     assert [s.effect for s in search.steps] == ([None] if ripples else [None, name])
     assert ("a torque constant that ripples with harmonic 6 of the place, by 12 %" in said) == ripples
     assert [t.name for t in search.rejected] == ([name] if ripples else [])
+
+
+@pytest.mark.parametrize("runs_in", [True, False])
+def test_a_drift_gives_way_to_friction_that_runs_in_where_that_is_told_later(runs_in: bool) -> None:
+    """And stays where that leaves more, though it was told of what is missing beside it."""
+    drift, missing = effects.ThermalDrift(amplitude=0.3, time_constant=1.0), HIDDEN["cogging"]
+
+    def worn(r: Record) -> Record:
+        v = np.gradient(r.position, SAMPLE_TIME)
+        friction = r.torque - J * np.gradient(v, SAMPLE_TIME)
+        gone = np.cumsum(np.abs(v)) * SAMPLE_TIME
+        return replace(r, signals={**r.signals, "torque": r.torque + 0.5 * np.exp(-gone / 20) * friction})
+
+    data = list(map(worn, runs(HEALTHY))) if runs_in else runs(HEALTHY + drift + missing)
+    search = Search(observe(data, J), [], UNKNOWN)
+    fit_steps(search, drift)
+    search.hint = Hint("told of the rest", "none")
+    drop_shadows(search)
+    assert [s.effect for s in search.steps] == ([None] if runs_in else [None, drift.name])
+    assert search.hint.said.startswith("friction that falls over the way" if runs_in else "told of the rest")
+    assert [t.name for t in search.rejected] == ([drift.name] if runs_in else [])
 
 
 @pytest.mark.parametrize("phase", [0.0, np.pi])
