@@ -80,6 +80,7 @@ from .judgement import (
     with_curve,
     without,
 )
+from .moments import has_moments
 from .reading import TorqueReading, as_shown, rung
 
 Array = NDArray[np.float64]
@@ -289,6 +290,8 @@ class Search:
         """
         leads = bool(scored) and scored[0].gain > _MOST and p_values[scored[0].effect.name] <= FALSE_DISCOVERY_RATE
         by_chance = LEAST_GAIN if self.at_floor else _RIVALS * scored[0].gain if leads else _WORTH_A_TRIAL
+        if len(self.steps) > 1 and has_moments(self.steps[-1].result, self.held_out):
+            by_chance = LEAST_GAIN
         return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:
