@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ..errors import DataError
@@ -91,8 +92,9 @@ def evenly(
 
     Steps that differ by less than 2 % are left as they are. Stamps that are an even grid rounded to fewer digits
     get the grid back. So do stamps of a logger that came by late now and then, where the position is smooth over the
-    rows and rough over their stamps. Anything else (jitter, dropped samples) is resampled at the median step: a torque
-    that was commanded holds its last value, the others are interpolated linearly.
+    rows and rough over their stamps. Anything else (jitter, dropped samples) is resampled at the median step: of a
+    torque that was commanded, and holds, the mean from step to step, as much as the drive gave; of a position a cubic
+    spline, for a chord is off by more than a count where an axis gathers speed; the others are interpolated linearly.
 
     Args:
         time: (n,) [s], strictly increasing.
@@ -124,14 +126,24 @@ def evenly(
     worst = int(np.argmax(step))
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
     even = time[0] + h * np.arange(int((time[-1] - time[0]) / h + 1e-6) + 1)
-    last = np.searchsorted(time, even + 1e-3 * h, side="right") - 1
     held = () if sensed else HELD
-    resampled = {k: v[last] if k in held else np.interp(even, time, v) for k, v in signals.items()}
+    resampled = {k: _resampled(k, v, time, even, h, k in held) for k, v in signals.items()}
     note = (
         f"{uneven} of {len(step)} time steps differ from {h:.4g} s by more than 2 % (the longest is "
         f"{step[worst]:.4g} s): resampled evenly, {'all' if sensed else 'torque held, the rest'} interpolated"
     )
     return even, resampled, note
+
+
+def _resampled(name: str, values: Array, time: Array, even: Array, step: float, held: bool) -> Array:
+    """(m,) a signal (n,) that was read at uneven times (n,), at even ones (m,) [s]; see `evenly`."""
+    if not held:
+        smooth = name == "position" and len(time) > 3
+        return scipy.interpolate.CubicSpline(time, values)(even) if smooth else np.interp(even, time, values)
+    given = np.append(0.0, np.cumsum(values[:-1] * np.diff(time)))
+    ends = np.append(even, even[-1] + step)
+    last = np.searchsorted(time, ends, side="right") - 1
+    return np.diff(given[last] + values[last] * (ends - time[last])) / step
 
 
 def _of_rows(time: Array, position: Array | None) -> Array | None:
