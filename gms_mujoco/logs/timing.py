@@ -20,6 +20,7 @@ _SLOW, _FAST = 0.2, 5e-6  # s; nobody controls a joint at longer samples, or sho
 _CLOCKS = {"ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
 _SLOWISH, _LONG = 0.03, 1200.0  # s; a step and a whole that are rather milliseconds read as seconds
 _EVEN = 0.02  # steps that differ by less than this part are even
+_OWN, _NEARLY_ALL = 0.1, 0.95  # of a step, by which nearly all stamps of a drive's own loop stray at most
 _ASTRAY = 2.0  # steps, over which stamps that belong to even rows are spread about them
 _ROUGHER = 4.0  # times the square of a position's third differences, where its stamps are not those of its rows
 
@@ -169,8 +170,11 @@ def expect_whole(time: Array) -> None:
 
 
 def by_another_clock(time: Array) -> bool:
-    """Whether rows came at uneven times (n,), and so not from sample to sample of the drive."""
-    return _even(time) is None
+    """Whether rows came at uneven times (n,), and so not from sample to sample of the drive, whose own stamps stray by
+    little."""
+    step = np.diff(time)
+    usual = float(np.median(step))
+    return _even(time) is None and float(np.quantile(np.abs(step - usual), _NEARLY_ALL)) > _OWN * usual
 
 
 def _even(time: Array) -> float | None:

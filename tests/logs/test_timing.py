@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gms_mujoco.logs.timing import evenly
+from gms_mujoco.logs.timing import by_another_clock, evenly
 
 H, N = 1e-3, 400
 
@@ -44,3 +44,14 @@ def test_a_torque_that_was_read_is_what_lies_between_two_readings() -> None:
     even, signals, note = evenly(time, {"torque": np.cos(200 * time)}, sensed=True)
     assert signals["torque"] == pytest.approx(np.interp(even, time, np.cos(200 * time)))
     assert note is not None and "all interpolated" in note
+
+
+@pytest.mark.parametrize(("share", "other"), [(0.0, False), (0.04, False), (0.2, True)])
+def test_a_loop_of_the_drive_itself_strays_by_little(share: float, other: bool) -> None:
+    assert by_another_clock(_uneven(0, share)) == other
+
+
+def test_every_fifth_row_of_a_loop_that_is_now_and_then_the_one_beside_it_is_of_another_clock() -> None:
+    """As the joints of a UR10e are read at 100 Hz from 500."""
+    rows = 5 * np.arange(N) + np.random.default_rng(0).choice([-1, 0, 0, 0, 0, 0, 1], N)
+    assert by_another_clock(0.002 * rows)
