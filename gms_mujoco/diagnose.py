@@ -15,7 +15,7 @@ from .compare import Comparison, compare_observations, quick_error
 from .comparison.score import Score, relative_error
 from .dataset import Dataset
 from .diagnosis.custom import Shape, column, name_of
-from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
+from .diagnosis.friction_law import LAWS, choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import with_exponents, without_vanished
 from .diagnosis.given_inertia import corrected, free, is_doubtful
 from .diagnosis.given_load import corrected_load
@@ -23,7 +23,7 @@ from .diagnosis.given_setup import corrected_setup
 from .diagnosis.judgement import AT_FLOOR
 from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
-from .diagnosis.recheck import drop_last
+from .diagnosis.recheck import drop_last, join_laws
 from .diagnosis.remainder import describe, loudest
 from .diagnosis.search import Search, Step
 from .effect import Effect
@@ -329,6 +329,8 @@ def _searched(
                 search, late, law_said = other, other_late, better
             if search.at_floor:
                 break
+    if free_law and (joined := join_laws(search, LAWS)):
+        law_said = "; ".join(filter(None, (law_said, joined)))
     return search, law_said, inertia_said, late
 
 

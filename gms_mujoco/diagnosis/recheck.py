@@ -133,18 +133,43 @@ def _along(steps: Sequence[Step], k: int, last: Trial) -> list[Step]:
     names[k - 1 : k] = [last.name] if last.name and last.name not in names else []
     if len(names) < k:
         return [*steps[: k - 1], replace(steps[k - 1], result=last.result, held_out=last.held_out)]
-    fits = [last]
-    for name in reversed(names[k:]):
-        assert name is not None
-        result = refine(*without(fits[0].result, name))
-        fits.insert(0, Trial(name, result, cross_validated(result.misfit, result.vector)))
-    out = list(steps[:k])
     known = {s.effect: s for s in steps}
-    for name, fit in zip(names[k - 1 :], fits, strict=True):
+    return _onwards(steps[:k], [known.get(n, Step(n, last.result)) for n in names[k - 1 :]], _up_to(last, names[k:]))
+
+
+def _up_to(last: Trial, names: Sequence[str | None]) -> list[Trial]:
+    """Fits with ever more of some effects, the last of which has them all: one without any, and one for each."""
+    fits = [last]
+    for name in reversed(names):
+        result = refine(*without(fits[0].result, str(name)))
+        fits.insert(0, Trial(str(name), result, cross_validated(result.misfit, result.vector)))
+    return fits
+
+
+def _onwards(begun: Sequence[Step], steps: Sequence[Step], fits: Sequence[Trial]) -> list[Step]:
+    """Steps, and others after them with other fits."""
+    out = list(begun)
+    for step, fit in zip(steps, fits, strict=True):
         p = p_value(out[-1].held_out, fit.held_out)
-        step = known.get(name, Step(name, fit.result))
         out.append(replace(step, result=fit.result, p_value=p, held_out=fit.held_out))
     return out
+
+
+def join_laws(search: Search, laws: Collection[str]) -> str:
+    """Counts laws of friction that were found beside the own one to the first plant; a sentence on them, empty where
+    there are none.
+
+    Where the data choose the law they are how friction is described, and no effect that was missing.
+    """
+    joined = [str(s.effect) for s in search.steps if s.effect in laws]
+    if not joined:
+        return ""
+    first, *others = search.steps
+    others = [s for s in others if s.effect not in joined]
+    last = Trial("", search.steps[-1].result, search.held_out)
+    base, *fits = _up_to(last, [s.effect for s in others])
+    search.steps = _onwards([replace(first, result=base.result, held_out=base.held_out)], others, fits)
+    return f"{' and '.join(joined)} was found beside it, and counts to the law"
 
 
 def drop_false(search: Search) -> bool:

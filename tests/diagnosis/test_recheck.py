@@ -11,8 +11,9 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.beyond import Hint
+from gms_mujoco.diagnosis.friction_law import LAWS, with_law
 from gms_mujoco.diagnosis.judgement import Trial, carries
-from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, undoing
+from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, join_laws, undoing
 from gms_mujoco.diagnosis.search import Search, Step
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
@@ -28,8 +29,8 @@ def quiet(done: float, message: str) -> None: ...
 
 
 def fit_steps(search: Search, *added: Effect) -> None:
-    """Gives a search a step for the baseline and one for each effect, each fitted to its end."""
-    plant = UNKNOWN
+    """Gives a search a step for the plant that it begins with and one for each effect, each fitted to its end."""
+    plant = search.start
     for effect in (None, *added):
         plant = plant if effect is None else plant + effect
         result = fit_observations(plant, search.seen)
@@ -95,6 +96,20 @@ def test_a_drift_gives_way_to_friction_that_runs_in_where_that_is_told_later(run
     assert [s.effect for s in search.steps] == ([None] if runs_in else [None, drift.name])
     assert search.hint.said.startswith("friction that falls over the way" if runs_in else "told of the rest")
     assert [t.name for t in search.rejected] == ([drift.name] if runs_in else [])
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_law_that_was_found_beside_the_own_one_is_no_effect(first: bool) -> None:
+    """Where the data choose the law: `stribeck` beside `dahl` is how friction is described."""
+    curve, offset = effects.Stribeck(static=5e-4, stribeck_velocity=2.0), effects.TorqueOffset(torque=0.0)
+    search = Search(observe(runs(HEALTHY + HIDDEN["torque_offset"]), J), [], with_law(UNKNOWN, effects.Dahl()))
+    fit_steps(search, *((curve, offset) if first else (offset, curve)))
+    last = search.steps[-1].result
+    said = join_laws(search, LAWS)
+    assert [s.effect for s in search.steps] == [None, "torque_offset"] and "stribeck was found beside it" in said
+    assert "stribeck" in search.steps[0].result.plant and "torque_offset" not in search.steps[0].result.plant
+    assert search.steps[-1].result is last and search.steps[0].result.error > 1.2 * last.error
+    assert search.steps[-1].p_value < 1e-3 and join_laws(search, LAWS) == ""
 
 
 @pytest.mark.parametrize("phase", [0.0, np.pi])
