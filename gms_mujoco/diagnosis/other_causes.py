@@ -166,6 +166,17 @@ def _say_constant(now: FitResult, strength: Array) -> str:
             "% up to the largest")  # fmt: skip
 
 
+def _of_sense(now: FitResult) -> list[Torques]:
+    """What a drive gives less to one side, and more to the other, whose torque constants differ."""
+    return [_taking(mean_torque(o.record, np.abs(o.record.torque))[:, None]) for o in records_of(now)]
+
+
+def _say_sense(now: FitResult, strength: Array) -> str:
+    less = float(strength[0])
+    apart = 2 * abs(less) / (1 + abs(less))
+    return f"a torque constant that is {100 * apart:.2g} % smaller for {'positive' if less > 0 else 'negative'} torques"
+
+
 def _of_power(now: FitResult) -> list[Torques]:
     """What a drive gives less, whose supply gives way to the power that is drawn, at once or late."""
 
@@ -398,6 +409,11 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_torque, lambda now, s: abs(_fallen(s)), _say_constant,
         "Known loads, as weights on a lever, held at rest over the whole range of the torque.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_sense, lambda now, s: abs(float(s[0])), _say_sense,
+        "A known load, as a weight on a lever, held at rest to the one side and to the other.",
         taken_from=_asked_for,
     ),
     Cause(

@@ -115,6 +115,18 @@ def test_a_torque_constant_that_falls_is_no_saturation() -> None:
     assert said.startswith("a torque constant that falls with the torque")
 
 
+@pytest.mark.parametrize("effect", [effects.TorqueOffset(torque=0.1 * LEVEL), effects.AsymmetricFriction(level=0.1)])
+def test_a_drive_that_gives_more_to_one_side_is_neither_an_offset_nor_friction(effect: Effect) -> None:
+    said = _said(effect, [_driven(r, r.torque / (1 - 0.1 * np.sign(r.torque))) for r in runs(HEALTHY)])
+    told = re.match("a torque constant that is (.*) % smaller for positive torques,", said)
+    assert told is not None and float(told[1]) == pytest.approx(18, abs=1)
+
+
+@pytest.mark.parametrize("effect", [effects.TorqueOffset(torque=0.1 * LEVEL), effects.AsymmetricFriction(level=0.1)])
+def test_an_offset_and_friction_are_no_drive_that_gives_more_to_one_side(effect: Effect) -> None:
+    assert _said(effect, runs(HEALTHY + effect)) == ""
+
+
 def test_a_supply_that_sags_is_no_saturation() -> None:
     said = _said(SATURATED, [_sagging(r) for r in runs(HEALTHY)])
     assert said.startswith("a torque constant that falls with the power that is drawn")
