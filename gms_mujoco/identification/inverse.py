@@ -14,7 +14,6 @@ sides then pass the same zero-phase low-pass, which sets the bandwidth in which 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -277,8 +276,7 @@ class Observation:
         """(n,) where it does so for so many samples around."""
         q, long = self.record.position, samples + 1
         span = scipy.ndimage.maximum_filter1d(q, long) - scipy.ndimage.minimum_filter1d(q, long)
-        # Of noise as large as that of counts, however it is made, readings at rest span as much.
-        return np.asarray(span <= _STUCK * max(self._count, math.sqrt(12 * self._variance)))
+        return np.asarray(span <= _STUCK * self._count)
 
     @property
     def rests(self) -> bool:
@@ -405,35 +403,25 @@ class Observation:
     def _cutoff(self) -> float:
         if self.cutoff:
             return self.cutoff
-        f, density, noise = self._spectrum
-        said = np.flatnonzero(density > _CLEAR * self._variance * noise)
-        return max(float(f[said[-1]]) if len(said) else 0.0, 1.5 * self.bandwidth)
-
-    @cached_property
-    def _variance(self) -> float:
-        """Of the readings of the encoder, by its counts and by whatever else is white in them [rad^2]."""
-        f, density, noise = self._spectrum
-        high = (f > 0.25 / self.record.sample_time) & (density > 0)
-        variance = 0.0
-        if high.any():
-            # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
-            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
-            scale = shapes.max(0)
-            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
-        return max(variance, (self.record.resolution or 0.0) ** 2 / 12)
-
-    @cached_property
-    def _spectrum(self) -> tuple[Array, Array, Array]:
-        """(k,) frequencies [Hz], spectral density there of the acceleration that the readings show, and that of white
-        noise of the position per variance; nothing of a record that is too short."""
+        least = 1.5 * self.bandwidth
         h = self.record.sample_time
         a = second_difference(self.record.position, h)[1:-1]
         segment = min(1024, len(a) // 4)
         if segment < 8 * _BINS:
-            return np.empty(0), np.empty(0), np.empty(0)
+            return least
         f, density = scipy.signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
         f, density = f[1:-1], scipy.signal.medfilt(density, _BINS)[1:-1]
-        return f, density, 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
+        # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
+        noise = 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
+        high = (f > 0.25 / h) & (density > 0)
+        variance = 0.0
+        if high.any():
+            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
+            scale = shapes.max(0)
+            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
+        variance = max(variance, (self.record.resolution or 0.0) ** 2 / 12)
+        said = np.flatnonzero(density > _CLEAR * variance * noise)
+        return max(float(f[said[-1]]) if len(said) else 0.0, least)
 
     def _smooth(self, x: Array) -> Array:
         edge = 1.25 * self._cutoff * self.record.sample_time  # of the samples
