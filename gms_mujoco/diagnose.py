@@ -15,7 +15,7 @@ from .compare import Comparison, compare_observations, quick_error
 from .comparison.score import Score, relative_error
 from .dataset import Dataset
 from .diagnosis.custom import Shape, column, name_of
-from .diagnosis.friction_law import LAWS, choices, law_of, leading_further, much_better, with_law, would_be_better
+from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import with_exponents, without_vanished
 from .diagnosis.given_inertia import corrected, free, is_doubtful
 from .diagnosis.given_load import corrected_load
@@ -329,7 +329,7 @@ def _searched(
                 search, late, law_said = other, other_late, better
             if search.at_floor:
                 break
-    if free_law and (joined := join_laws(search, LAWS)):
+    if free_law and (joined := join_laws(search)):
         law_said = "; ".join(filter(None, (law_said, joined)))
     return search, law_said, inertia_said, late
 

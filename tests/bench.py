@@ -1,5 +1,6 @@
 """A simulated bench for the tests of the measuring side: a small servo axis and short runs of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.identification.refine import refine
@@ -94,3 +96,15 @@ def in_mujoco(model: mujoco.MjModel, torque: np.ndarray, substeps: int = 1) -> n
 
 def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
+
+
+def driven(r: Record, torque: np.ndarray) -> Record:
+    """The record of an axis that goes the same way under another torque (n,)."""
+    return replace(r, signals={**r.signals, "torque": torque})
+
+
+def worn(r: Record) -> Record:
+    """The record of an axis whose friction begins half as strong again, and runs in over 20 rad."""
+    v = Observation(r, 100.0).velocity
+    gone = np.abs(v).cumsum() * r.sample_time
+    return driven(r, r.torque + 0.5 * np.exp(-gone / 20) * (r.torque - J * np.gradient(v, r.time)))

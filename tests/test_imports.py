@@ -101,9 +101,8 @@ def _imports(path: Path) -> tuple[set[str], set[str]]:
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
             other.add((node.module or "").split(".")[0])
         elif isinstance(node, ast.ImportFrom) and at_load:
-            whence = (*folders[: len(folders) + 1 - node.level], *(node.module or "").split("."))
-            whence = tuple(part for part in whence if part)
-            named = _named(whence)
+            below = node.module.split(".") if node.module else []
+            named = _named((*folders[: len(folders) + 1 - node.level], *below))
             own.update([named] if named else [a.name for a in node.names])
         inside = at_load and not isinstance(node, ast.FunctionDef)
         for child in ast.iter_child_nodes(node):

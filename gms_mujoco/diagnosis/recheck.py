@@ -21,6 +21,7 @@ from ..identification.screen import Screen
 from ..identification.tall import gram
 from ..plant import Plant
 from .beyond import beyond
+from .friction_law import LAWS
 from .joint_fits import forms
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .search import Search, Step, Tried
@@ -155,13 +156,13 @@ def _onwards(begun: Sequence[Step], steps: Sequence[Step], fits: Sequence[Trial]
     return out
 
 
-def join_laws(search: Search, laws: Collection[str]) -> str:
+def join_laws(search: Search) -> str:
     """Counts laws of friction that were found beside the own one to the first plant; a sentence on them, empty where
     there are none.
 
     Where the data choose the law they are how friction is described, and no effect that was missing.
     """
-    joined = [str(s.effect) for s in search.steps if s.effect in laws]
+    joined = [str(s.effect) for s in search.steps if s.effect in LAWS]
     if not joined:
         return ""
     first, *others = search.steps

@@ -286,12 +286,12 @@ class Search:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.
 
         Above the noise floor a trial may also lead the plant out of a local optimum, see `_settle_for`: there what
-        promises little is tried too, unless one surely takes most. What is left beside that is for the next round.
+        promises little is tried too, unless one surely takes most. What is left beside that is for the next round. What
+        stands in single moments once an effect was found is as good as noise: where it is, any effect is by chance.
         """
         leads = bool(scored) and scored[0].gain > _MOST and p_values[scored[0].effect.name] <= FALSE_DISCOVERY_RATE
-        by_chance = LEAST_GAIN if self.at_floor else _RIVALS * scored[0].gain if leads else _WORTH_A_TRIAL
-        if len(self.steps) > 1 and has_moments(self.steps[-1].result, self.held_out):
-            by_chance = LEAST_GAIN
+        as_noise = self.at_floor or (len(self.steps) > 1 and has_moments(self.steps[-1].result, self.held_out))
+        by_chance = LEAST_GAIN if as_noise else _RIVALS * scored[0].gain if leads else _WORTH_A_TRIAL
         return [c for c in scored if c.gain > (by_chance if p_values[c.effect.name] > _BY_CHANCE else _WORTH_A_TRIAL)]
 
     def _trials(self, rough: Sequence[Rough], p_values: dict[str, float], report: Progress) -> list[Trial]:

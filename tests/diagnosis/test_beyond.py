@@ -2,12 +2,10 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, runs
-from numpy.typing import NDArray
+from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, driven, runs, worn
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -35,24 +33,24 @@ def _uneven(r: Record, share: float = 0.2, harmonic: int = 1) -> Record:
     o = Observation(r, 100.0)
     q, v = o.position, o.velocity
     wave, slope = np.cos(harmonic * q + 0.4), -harmonic * np.sin(harmonic * q + 0.4)
-    return _driven(r, r.torque + share * J * (wave * np.gradient(v, r.time) + slope * v**2 / 2))
+    return driven(r, r.torque + share * J * (wave * np.gradient(v, r.time) + slope * v**2 / 2))
 
 
 def _weak(r: Record) -> Record:
     """The record of a drive that gives u / (1 + u / 50 L) where u is asked for, a fifth less at 12 levels L."""
-    return _driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
+    return driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
 
 
 def _sagging(r: Record) -> Record:
     """The record of a drive whose supply gives way, by a fifth at 1000 L W."""
     power = np.maximum(r.torque * Observation(r, 100.0).velocity, 0)
-    return _driven(r, r.torque / (1 - 0.2 * power / (1000 * LEVEL)))
+    return driven(r, r.torque / (1 - 0.2 * power / (1000 * LEVEL)))
 
 
 def _growing(r: Record) -> Record:
     """The record of an axis with 13 waves to a revolution that grow with the speed."""
     o = Observation(r, 100.0)
-    return _driven(r, r.torque + 0.04 * LEVEL * np.abs(o.velocity) * np.sin(13 * o.position + 0.3))
+    return driven(r, r.torque + 0.04 * LEVEL * np.abs(o.velocity) * np.sin(13 * o.position + 0.3))
 
 
 def _cooling() -> list[Record]:
@@ -63,31 +61,20 @@ def _cooling() -> list[Record]:
 
 def _fading(r: Record, share: float) -> Record:
     """The record of a motor that gives so much less than is asked for."""
-    return _driven(r, r.torque / (1 - share))
+    return driven(r, r.torque / (1 - share))
 
 
 def _heated(r: Record) -> Record:
     """The record of a motor whose torque constant falls by 30 %, over a heat of (4 L)^2 s."""
     heat = np.cumsum(r.torque**2) * r.sample_time / (4 * LEVEL) ** 2
-    return _driven(r, r.torque / (0.7 + 0.3 * np.exp(-heat)))
-
-
-def _worn(r: Record) -> Record:
-    """The record of an axis whose friction begins half as strong again, and runs in over 20 rad."""
-    v = Observation(r, 100.0).velocity
-    gone = np.abs(v).cumsum() * r.sample_time
-    return _driven(r, r.torque + 0.5 * np.exp(-gone / 20) * (r.torque - J * np.gradient(v, r.time)))
+    return driven(r, r.torque / (0.7 + 0.3 * np.exp(-heat)))
 
 
 def _ringed(r: Record, share: float = 0.3, grip: float = 100.0) -> Record:
     """The record of an axis with a ring of 30 % of its inertia, that lets slip at 100 rad/s^2."""
     v = Observation(r, 100.0).velocity
     (ring,) = carried([v], [r.sample_time], np.array([grip]))
-    return _driven(r, r.torque + share * J * np.gradient(ring[:, 0], r.time))
-
-
-def _driven(r: Record, torque: NDArray[np.float64]) -> Record:
-    return replace(r, signals={**r.signals, "torque": torque})
+    return driven(r, r.torque + share * J * np.gradient(ring[:, 0], r.time))
 
 
 def _trial(effect: Effect, records: list[Record]) -> tuple[FitResult, Trial]:
@@ -117,7 +104,7 @@ def test_a_torque_constant_that_falls_is_no_saturation() -> None:
 
 @pytest.mark.parametrize("effect", [effects.TorqueOffset(torque=0.1 * LEVEL), effects.AsymmetricFriction(level=0.1)])
 def test_a_drive_that_gives_more_to_one_side_is_neither_an_offset_nor_friction(effect: Effect) -> None:
-    said = _said(effect, [_driven(r, r.torque / (1 - 0.1 * np.sign(r.torque))) for r in runs(HEALTHY)])
+    said = _said(effect, [driven(r, r.torque / (1 - 0.1 * np.sign(r.torque))) for r in runs(HEALTHY)])
     told = re.match("a torque constant that is (.*) % smaller for positive torques,", said)
     assert told is not None and float(told[1]) == pytest.approx(18, abs=1)
 
@@ -148,7 +135,7 @@ def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> No
 
 
 def test_friction_that_runs_in_over_the_way_does_not_drift_in_time() -> None:
-    said = _said(DRIFT, [_worn(r) for r in runs(HEALTHY)])
+    said = _said(DRIFT, [worn(r) for r in runs(HEALTHY)])
     told = re.match(r"friction that falls over the way in the course of a record, by (.*) %,", said)
     assert told is not None and float(told[1]) == pytest.approx(33, abs=7)
 
@@ -176,7 +163,7 @@ def test_all_friction_taken_from_the_records_but_one_explains_nothing(effect: Ef
 
 
 def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:
-    records = [_driven(r, r.torque + 0.3 * LEVEL * np.sin(2 * np.pi * 50 * r.time + k))
+    records = [driven(r, r.torque + 0.3 * LEVEL * np.sin(2 * np.pi * 50 * r.time + k))
                for k, r in enumerate(runs(HEALTHY))]  # fmt: skip
     said = _said(COGGING, records)
     told = re.match(r"a torque that is periodic in time, at 50 Hz, of up to (\S+) N m", said)
@@ -198,7 +185,7 @@ def test_a_torque_constant_that_comes_to_nothing_explains_nothing() -> None:
     rng = np.random.default_rng(0)
 
     def idle(r: Record) -> Record:
-        return _driven(r, 3 * LEVEL * np.sin(2 * np.pi * rng.uniform(3, 8) * r.time))
+        return driven(r, 3 * LEVEL * np.sin(2 * np.pi * rng.uniform(3, 8) * r.time))
 
     assert not _said(SATURATED, [idle(r) for r in runs(HEALTHY)])
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, driven, runs, worn
 from scipy import signal
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.beyond import Hint
-from gms_mujoco.diagnosis.friction_law import LAWS, with_law
+from gms_mujoco.diagnosis.friction_law import with_law
 from gms_mujoco.diagnosis.judgement import Trial, carries
 from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, join_laws, undoing
 from gms_mujoco.diagnosis.search import Search, Step
@@ -43,7 +43,7 @@ def changed(runs: Dataset, torque: object) -> Dataset:
     """The set with another torque in each record, a function of it."""
 
     def one(r: Record) -> Record:
-        return replace(r, signals={**r.signals, "torque": torque(r)})  # type: ignore[operator]
+        return driven(r, torque(r))  # type: ignore[operator]
 
     return replace(runs, records=tuple(map(one, runs.records)))
 
@@ -65,7 +65,7 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
     uneven = effects.PositionDependentFriction(harmonics=[6], amplitude=[0.3], phase=[0.4])
 
     def rippling(r: Record) -> Record:
-        return replace(r, signals={**r.signals, "torque": r.torque / (1 + 0.12 * np.sin(6 * r.position + 0.4))})
+        return driven(r, r.torque / (1 + 0.12 * np.sin(6 * r.position + 0.4)))
 
     data = list(map(rippling, runs(HEALTHY))) if ripples else runs(HEALTHY + uneven)
     name = uneven.name
@@ -81,12 +81,6 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
 def test_a_drift_gives_way_to_friction_that_runs_in_where_that_is_told_later(runs_in: bool) -> None:
     """And stays where that leaves more, though it was told of what is missing beside it."""
     drift, missing = effects.ThermalDrift(amplitude=0.3, time_constant=1.0), HIDDEN["cogging"]
-
-    def worn(r: Record) -> Record:
-        v = np.gradient(r.position, SAMPLE_TIME)
-        friction = r.torque - J * np.gradient(v, SAMPLE_TIME)
-        gone = np.cumsum(np.abs(v)) * SAMPLE_TIME
-        return replace(r, signals={**r.signals, "torque": r.torque + 0.5 * np.exp(-gone / 20) * friction})
 
     data = list(map(worn, runs(HEALTHY))) if runs_in else runs(HEALTHY + drift + missing)
     search = Search(observe(data, J), [], UNKNOWN)
@@ -105,11 +99,11 @@ def test_a_law_that_was_found_beside_the_own_one_is_no_effect(first: bool) -> No
     search = Search(observe(runs(HEALTHY + HIDDEN["torque_offset"]), J), [], with_law(UNKNOWN, effects.Dahl()))
     fit_steps(search, *((curve, offset) if first else (offset, curve)))
     last = search.steps[-1].result
-    said = join_laws(search, LAWS)
+    said = join_laws(search)
     assert [s.effect for s in search.steps] == [None, "torque_offset"] and "stribeck was found beside it" in said
     assert "stribeck" in search.steps[0].result.plant and "torque_offset" not in search.steps[0].result.plant
     assert search.steps[-1].result is last and search.steps[0].result.error > 1.2 * last.error
-    assert search.steps[-1].p_value < 1e-3 and join_laws(search, LAWS) == ""
+    assert search.steps[-1].p_value < 1e-3 and join_laws(search) == ""
 
 
 @pytest.mark.parametrize("phase", [0.0, np.pi])
