@@ -14,6 +14,7 @@ sides then pass the same zero-phase low-pass, which sets the bandwidth in which 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,6 +43,7 @@ _CLEAR = 4  # times the noise, above which a spectrum is the motion's
 _RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
 _STUCK = 1.5  # counts of the encoder
+_WANDERS = 1.5  # times the mean square difference of neighbouring readings, that of those further apart
 _STEADY = 0.03  # of the rms torque: what it deviates by over a period of the bandwidth
 _STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves less, and is seen to, rests
 _AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
@@ -274,9 +276,27 @@ class Observation:
 
     def _held(self, samples: int) -> NDArray[np.bool_]:
         """(n,) where it does so for so many samples around."""
+        return np.asarray(self._span(samples) <= self._within)
+
+    def _span(self, samples: int) -> Array:
+        """(n,) by how much the readings differ over so many samples around each [rad]."""
         q, long = self.record.position, samples + 1
-        span = scipy.ndimage.maximum_filter1d(q, long) - scipy.ndimage.minimum_filter1d(q, long)
-        return np.asarray(span <= _STUCK * self._count)
+        return np.asarray(scipy.ndimage.maximum_filter1d(q, long) - scipy.ndimage.minimum_filter1d(q, long))
+
+    @cached_property
+    def _within(self) -> float:
+        """By how much they do at rest [rad]: by counts of the encoder, or by as much noise, however that is made.
+
+        Friction that bends within that noise is no rest: readings that lie apart differ by more than neighbours then.
+        """
+        counts, noise = _STUCK * self._count, _STUCK * math.sqrt(12 * self._variance)
+        q, apart = self.record.position, self._period
+        if noise <= counts:
+            return counts
+        still = np.flatnonzero(self._span(apart)[apart:-apart] <= noise) + apart
+        before, after = q[still - apart // 2], q[still + apart // 2]
+        rests = np.sum((after - before) ** 2) <= _WANDERS * np.sum((q[still + 1] - q[still]) ** 2)
+        return noise if rests and len(still) > apart else counts
 
     @property
     def rests(self) -> bool:
@@ -403,25 +423,35 @@ class Observation:
     def _cutoff(self) -> float:
         if self.cutoff:
             return self.cutoff
-        least = 1.5 * self.bandwidth
+        f, density, noise = self._spectrum
+        said = np.flatnonzero(density > _CLEAR * self._variance * noise)
+        return max(float(f[said[-1]]) if len(said) else 0.0, 1.5 * self.bandwidth)
+
+    @cached_property
+    def _variance(self) -> float:
+        """Of the readings of the encoder, by its counts and by whatever else is white in them [rad^2]."""
+        f, density, noise = self._spectrum
+        high = (f > 0.25 / self.record.sample_time) & (density > 0)
+        variance = 0.0
+        if high.any():
+            # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
+            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
+            scale = shapes.max(0)
+            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
+        return max(variance, (self.record.resolution or 0.0) ** 2 / 12)
+
+    @cached_property
+    def _spectrum(self) -> tuple[Array, Array, Array]:
+        """(k,) frequencies [Hz], spectral density there of the acceleration that the readings show, and that of white
+        noise of the position per variance; nothing of a record that is too short."""
         h = self.record.sample_time
         a = second_difference(self.record.position, h)[1:-1]
         segment = min(1024, len(a) // 4)
         if segment < 8 * _BINS:
-            return least
+            return np.empty(0), np.empty(0), np.empty(0)
         f, density = scipy.signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
         f, density = f[1:-1], scipy.signal.medfilt(density, _BINS)[1:-1]
-        # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
-        noise = 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
-        high = (f > 0.25 / h) & (density > 0)
-        variance = 0.0
-        if high.any():
-            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
-            scale = shapes.max(0)
-            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
-        variance = max(variance, (self.record.resolution or 0.0) ** 2 / 12)
-        said = np.flatnonzero(density > _CLEAR * variance * noise)
-        return max(float(f[said[-1]]) if len(said) else 0.0, least)
+        return f, density, 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
 
     def _smooth(self, x: Array) -> Array:
         edge = 1.25 * self._cutoff * self.record.sample_time  # of the samples

@@ -202,6 +202,20 @@ def test_a_rest_says_nothing_of_friction_wherever_the_low_pass_sees_it(rest: int
     assert bool(o.determined[near].any()) is known
 
 
+@pytest.mark.parametrize("count", [0.0, 1e-4], ids=["in any number", "in counts"])
+def test_readings_with_noise_of_their_own_rest_too(count: float) -> None:
+    """They wander over several counts, or never repeat, where the axis does not move."""
+    n, noise = 4000, 6e-5
+    speed = np.where(np.arange(n) < n // 2, 2e-3, 0.0)
+    read = np.cumsum(speed) + noise * np.random.default_rng(0).standard_normal(n)
+    position = count * np.round(read / count) if count else read
+    o = Observation(Record("noisy", 1e-3 * np.arange(n), {"position": position, "torque": np.zeros(n)}), 50.0)
+    moves, stays = o.index < n // 2 - 60, o.index > n // 2 + 60
+    assert o.determined[moves].all() and not o.determined[stays].any()
+    resting = o.without_rests().resting
+    assert not resting[: n // 2 - 60].any() and resting[n // 2 + 60 : -1].mean() > 0.5
+
+
 @pytest.mark.parametrize("digits", [None, 9])
 def test_an_axis_that_stops_to_the_last_digit_is_asked_nothing_there(digits: int | None) -> None:
     n, rng = 2000, np.random.default_rng(0)
