@@ -5,6 +5,7 @@ namespace {
 constexpr double kFraction = 0.25;  // of 1/w, the longest stretch in which a contact is looked for once
 constexpr int kMostStretches = 64;
 constexpr int kMostContacts = 8;  // in one stretch; more is chatter within rounding
+constexpr double kInstant = 1e-12;  // of a stretch, within which the instant of a contact is found
 
 int n_state(int) { return gms::kHiddenState; }
 int n_memory(int) { return 1; }
@@ -32,9 +33,12 @@ struct Coupling {
   }
 
   gms::Relative after(int side, gms::Relative r, double a, double t) const {
-    if (side == 0) return gms::coast(r, a, lambda, t);
+    return side == 0 ? gms::Coast(lambda, t).from(r, a) : pressed(side, r, a, gms::Swing(omega, zeta, t));
+  }
+
+  gms::Relative pressed(int side, gms::Relative r, double a, const gms::Swing& swing) const {
     const double seat = side * half;
-    r = gms::swing({r.position - seat, r.velocity}, a, omega, zeta, t);
+    r = swing.from({r.position - seat, r.velocity}, a);
     r.position += seat;
     return r;
   }
@@ -44,21 +48,36 @@ struct Coupling {
     return std::fabs(r.position) > half && side_of(r) != 0;
   }
 
-  // Exact between contacts; the instant of a contact is found by bisection.
-  gms::Relative stretch(gms::Relative r, double a, double t) const {
+  // When a load at `r` comes to be beyond, where it is at `end` after t: just after, by Newton's steps to either side of
+  // that instant, and by halves where they lead elsewhere.
+  double until_beyond(int side, gms::Relative r, double a, double t, gms::Relative end) const {
+    const double least = kInstant * t;
+    double inside = 0, outside = t, now = t;
+    for (int i = 1; outside - inside > least; i++) {
+      const double p = press(side, end), v = end.velocity;
+      const double within = side == 0 ? half - std::fabs(end.position) : side * p;
+      const double rate = side == 0 ? -std::copysign(1, end.position) * v
+                                    : side * omega * (omega * v - 2 * zeta * (a + p));
+      now += (now == inside ? 0.25 : -0.25) * least - within / rate;
+      if (i % 4 == 0 || !(now > inside && now < outside)) now = 0.5 * (inside + outside);
+      end = after(side, r, a, now);
+      (beyond(side, end) ? outside : inside) = now;
+    }
+    return outside;
+  }
+
+  // Over time t, exact between contacts, given what such a stretch does to a load that is free and to one in contact.
+  gms::Relative stretch(gms::Relative r, double a, double t, const gms::Coast& coast, const gms::Swing& swing) const {
     for (int contact = 0; contact < kMostContacts && t > 0; contact++) {
       const int side = side_of(r);
-      const gms::Relative end = after(side, r, a, t);
+      const gms::Relative end = contact > 0 ? after(side, r, a, t)
+                                : side == 0 ? coast.from(r, a) : pressed(side, r, a, swing);
       if (!beyond(side, end)) return end;
-      double inside = 0, outside = t;
-      for (int i = 0; i < 40; i++) {
-        const double middle = 0.5 * (inside + outside);
-        (beyond(side, after(side, r, a, middle)) ? outside : inside) = middle;
-      }
       const bool crossing = side == 0 && std::fabs(r.position) <= half;
-      r = after(side, r, a, outside);
+      const double passed = until_beyond(side, r, a, t, end);
+      r = after(side, r, a, passed);
       if (crossing) r.position = std::copysign(half, r.position);
-      t -= outside;
+      t -= passed;
     }
     return r;
   }
@@ -87,7 +106,10 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level&, con
     if (course.coarse) return coupling.leap(r, m.duration);
     const double wanted = std::ceil(omega * m.duration / kFraction);
     const int n = wanted < kMostStretches ? static_cast<int>(std::fmax(wanted, 1)) : kMostStretches;
-    for (int i = 0; i < n; i++) r = coupling.stretch(r, course.acceleration, m.duration / n);
+    const double t = m.duration / n;
+    const gms::Coast coast(coupling.lambda, t);
+    const gms::Swing swing(omega, zeta, t);
+    for (int i = 0; i < n; i++) r = coupling.stretch(r, course.acceleration, t, coast, swing);
     return r;
   };
   return p[0] * gms::follow(m, omega, zeta, state, next, move, [&](gms::Relative r) { return coupling.pull(r); });

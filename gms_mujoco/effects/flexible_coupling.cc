@@ -15,7 +15,7 @@ void recall(const double* p, int, const double* unknown, double* state) {
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
   const double omega = gms::kTurn * p[1], zeta = p[2];
   const auto move = [&](gms::Relative r, const gms::Course& course) {
-    return gms::swing(r, course.acceleration, omega, zeta, m.duration);
+    return gms::Swing(omega, zeta, m.duration).from(r, course.acceleration);
   };
   const auto pull = [&](gms::Relative r) { return omega * omega * r.position + 2 * zeta * omega * r.velocity; };
   return p[0] * gms::follow(m, omega, zeta, state, next, move, pull);

@@ -13,37 +13,56 @@ struct Relative {
   double position, velocity;
 };
 
-// Where the body is after time t while the joint accelerates at a, from r'' + 2 zeta omega r' + omega^2 r = -a.
-inline Relative swing(Relative r, double a, double omega, double zeta, double t) {
-  const double decay = zeta * omega * t, square = (1 - zeta * zeta) * omega * omega * t * t;
-  // c and s are e^-decay times cos(x) and sin(x)/x with x^2 = square, which is negative above critical damping.
-  double c, s;
-  if (square > 1e-8) {
-    const double x = std::sqrt(square), e = std::exp(-decay);
-    c = e * std::cos(x);
-    s = e * std::sin(x) / x;
-  } else if (square < -1e-8) {
-    const double x = std::sqrt(-square), up = std::exp(x - decay), down = std::exp(-x - decay);
-    c = 0.5 * (up + down);
-    s = 0.5 * (up - down) / x;
-  } else {
-    const double e = std::exp(-decay);
-    c = e * (1 - square / 2);
-    s = e * (1 - square / 6);
+// What is left of a motion r'' + 2 zeta omega r' + omega^2 r = -a after a time.
+class Swing {
+ public:
+  Swing(double omega, double zeta, double time) : omega_(omega), t_(time), decay_(zeta * omega * time) {
+    const double square = (1 - zeta * zeta) * omega * omega * time * time;
+    if (square > 1e-8) {
+      const double x = std::sqrt(square), e = std::exp(-decay_);
+      c_ = e * std::cos(x);
+      s_ = e * std::sin(x) / x;
+    } else if (square < -1e-8) {
+      const double x = std::sqrt(-square), up = std::exp(x - decay_), down = std::exp(-x - decay_);
+      c_ = 0.5 * (up + down);
+      s_ = 0.5 * (up - down) / x;
+    } else {
+      const double e = std::exp(-decay_);
+      c_ = e * (1 - square / 2);
+      s_ = e * (1 - square / 6);
+    }
   }
-  const double rest = -a / (omega * omega), away = r.position - rest;
-  return {rest + away * (c + decay * s) + r.velocity * t * s,
-          r.velocity * (c - decay * s) - omega * omega * t * s * away};
-}
 
-// The same without a spring, from r'' + lambda r' = -a.
-inline Relative coast(Relative r, double a, double lambda, double t) {
-  const double x = lambda * t;
-  // Means over the interval of e^-x and of what it lacks of 1.
-  const double kept = x > 1e-3 ? -std::expm1(-x) / x : 1 - x / 2 * (1 - x / 3 * (1 - x / 4));
-  const double lost = x > 1e-3 ? (1 - kept) / x : 0.5 - x / 6 * (1 - x / 4 * (1 - x / 5));
-  return {r.position + t * (kept * r.velocity - t * lost * a), std::exp(-x) * r.velocity - t * kept * a};
-}
+  // Where the body is then while the joint accelerates at a.
+  Relative from(Relative r, double a) const {
+    const double rest = -a / (omega_ * omega_), away = r.position - rest;
+    return {rest + away * (c_ + decay_ * s_) + r.velocity * t_ * s_,
+            r.velocity * (c_ - decay_ * s_) - omega_ * omega_ * t_ * s_ * away};
+  }
+
+ private:
+  double omega_, t_, decay_;
+  double c_, s_;  // e^-decay times cos(x) and sin(x)/x with x^2 = square, which is negative above critical damping
+};
+
+// The same without a spring, of r'' + lambda r' = -a.
+class Coast {
+ public:
+  Coast(double lambda, double time) : t_(time) {
+    const double x = lambda * time;
+    left_ = x > 0 ? std::exp(-x) : 1;
+    kept_ = x > 1e-3 ? -std::expm1(-x) / x : 1 - x / 2 * (1 - x / 3 * (1 - x / 4));
+    lost_ = x > 1e-3 ? (1 - kept_) / x : 0.5 - x / 6 * (1 - x / 4 * (1 - x / 5));
+  }
+
+  Relative from(Relative r, double a) const {
+    return {r.position + t_ * (kept_ * r.velocity - t_ * lost_ * a), left_ * r.velocity - t_ * kept_ * a};
+  }
+
+ private:
+  double t_;
+  double left_, kept_, lost_;  // e^-x, and means over the interval of that and of what it lacks of 1
+};
 
 // How the joint moves inside an interval: it sets out at `start` and accelerates evenly to the velocity at the end,
 // covering the displacement. For a smooth motion that sampled velocities describe this is the trapezoidal rule. A
