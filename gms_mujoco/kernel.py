@@ -86,7 +86,9 @@ def source(layout: Layout) -> str:
             f"static const int kJoints[] = {{{joints}}};",
             f"static const int kUses[] = {{{uses}}};",
             f"static const int kImplicit[] = {{{', '.join(map(str, layout.implicit or (-1,)))}}};",
-            _switch("void", "modulate", given + "Level& level", "p, n, m, level", modulators, ""),
+            _switch(
+                "void", "modulate", given + "const double* state, Level& level", "p, n, m, state, level", modulators, "",
+            ),
             _switch(
                 "double", "torque", given + "const Level& level, const double* state, double* next",
                 "p, n, m, level, state, next", laws, "return 0;",

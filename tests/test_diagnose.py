@@ -392,4 +392,5 @@ MODULATING = {
 def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
     d = diagnose(dataset(HEALTHY + MODULATING[name].replace(**form)), UNKNOWN)
     assert [e.name for e in d] == [name]
-    assert {k: d.plant[name].values[k] for k in form} == form
+    found = {k: d.plant[name].values[k] for k in form}
+    assert found == pytest.approx(form, rel=0.1)  # a speed is found, all else chosen

@@ -176,6 +176,22 @@ def test_the_drag_that_fades_is_a_viscous_one():
     assert np.allclose(more, -3e-3 * speed * np.exp(-t / 4), atol=1e-12)
 
 
+def test_friction_that_heats_itself_cools_at_rest():
+    """Turning at 1.5 rad/s for a while, resting for as long, turning again: theta goes to 1.5 / V and back to 0."""
+    t = np.linspace(0, 30, 30001)
+    moves = (t <= 10) | (t > 20)
+    q = np.where(t <= 20, 1.5 * np.minimum(t, 10), 1.5 * (t - 10))
+    drift = effects.ThermalDrift(amplitude=0.6, viscous=1e-3, time_constant=2.0, speed=0.5)
+    torque = (DRY.without("viscous") + drift).joint().replay(t, q, np.where(moves, 1.5, 0.0)).torque
+    warm = 1.5 / 0.5 * (1 - np.exp(-10 / 2.0))
+    theta = np.where(t <= 10, 3 * (1 - np.exp(-t / 2)), warm * np.exp(-(t - 10) / 2))
+    theta = np.where(t > 20, 3 + (warm * np.exp(-5) - 3) * np.exp(-(t - 20) / 2), theta)
+    expected = -2e-3 * (1 + 0.6 * np.exp(-theta)) - 1e-3 * 1.5 * np.exp(-theta)
+    inside = moves & (np.abs(t - 20) > 2e-3) & (t > 2e-3)
+    assert torque[inside] == pytest.approx(expected[inside], rel=1e-3)
+    assert np.abs(torque[20002]) > 0.98 * np.abs(torque[5]) > 1.2 * np.abs(torque[9990])
+
+
 def test_drift_follows_the_time_stamps_of_a_part_of_a_record():
     plant = DRY + effects.ThermalDrift(amplitude=0.6, time_constant=2.0)
     t = H * np.arange(8000)

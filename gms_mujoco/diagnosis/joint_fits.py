@@ -33,6 +33,7 @@ Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough 
 
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
+# Of each effect that has several. Whether one has a speed is a form of it, and which a fit finds.
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "asymmetric_friction": (
         {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
@@ -40,7 +41,10 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     ),
     "load_dependent_friction": _STIFFENING,
     "position_dependent_friction": _STIFFENING,
-    "thermal_drift": _STIFFENING,
+    "thermal_drift": (
+        {"stiffening": 1.0, "speed": 0.0}, {"stiffening": 0.0, "speed": 0.0},
+        {"stiffening": 1.0, "speed": 1.0}, {"stiffening": 0.0, "speed": 1.0},
+    ),
 }  # fmt: skip
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
@@ -72,6 +76,10 @@ class JointFits:
         """What a rough fit looks at: of frequency responses with many points some."""
         return fewer(self.seen, _POINTS)
 
+    @cached_property
+    def _scales(self) -> Scales:
+        return Scales.of(self.seen)
+
     def worth_trying(self, current: FitResult, rough: Sequence[Rough]) -> float:
         """A squared residual that a rough fit must come down to, to be looked at further beside these others.
 
@@ -86,6 +94,16 @@ class JointFits:
             below = min(below, max(CLOSE * least[0], left - NEARLY * (left - least[0])))
         return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
 
+    def forms(self, effect: Effect, plant: Plant | None = None) -> list[dict[str, float]]:
+        """The forms of an effect, which no fit chooses from; of one that `plant` has, the one that it has.
+
+        Those with a speed have that of the effect, or a typical one.
+        """
+        if plant is not None and effect.name in plant:
+            return [{}]
+        speeds = {p.name: effect.values[p.name] or self._scales[p.unit] for p in effect.parameters if p.unit == "rad/s"}
+        return [{k: v * speeds.get(k, 1.0) for k, v in form.items()} for form in FORMS.get(effect.name, ({},))]
+
     def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.
 
@@ -98,7 +116,7 @@ class JointFits:
         """
         fits: list[tuple[Misfit, Array]] = []
         ways: list[tuple[float, dict[str, float]]] = []  # cost, form
-        for form in forms(candidate.effect, current.plant):
+        for form in self.forms(candidate.effect, current.plant):
             plants = [joined(current.plant, e.replace(**form)) for e in (candidate.effect, *candidate.others)]
             near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
             tried = [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
@@ -150,7 +168,7 @@ class JointFits:
                 values = {p.name: plant[special].values[p.name] for p in effects.find(special).parameters}
                 width = width_of(effect)
                 assert width is not None
-                grid = {s[width] for s in shapes(effect, Scales.of(self.seen), self.seen, current.plant)}
+                grid = {s[width] for s in shapes(effect, self._scales, self.seen, current.plant)}
                 plants = [plant.without(special) + effect(None, **values, **{width: w}) for w in sorted(grid)]
                 best = looked_at(current.misfit, current.vector, plants)[0]
                 near, there = current.misfit.onto(best, current.vector, misfit.observations)
@@ -201,7 +219,7 @@ class JointFits:
         """The same joint fit, or that with another form of the effect or another contact of a play where it leaves
         less: rough fits are no judges of forms that differ little."""
         found, cost = [result], result.misfit.cost(result.vector)
-        for form in FORMS.get(name, ()):
+        for form in self.forms(result.plant[name]):
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)
@@ -210,8 +228,3 @@ class JointFits:
                     found.append(fit_to_end(misfit, x, below=cost))
         best = min(found, key=attrgetter("error"))
         return from_other_contacts(best) if width_of(effects.find(name)) else best
-
-
-def forms(effect: Effect, plant: Plant) -> tuple[dict[str, float], ...]:
-    """The forms of an effect, which no fit chooses from; of one that the plant has, the one that it has."""
-    return ({},) if effect.name in plant else FORMS.get(effect.name, ({},))

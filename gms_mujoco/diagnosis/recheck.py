@@ -22,7 +22,6 @@ from ..identification.tall import gram
 from ..plant import Plant
 from .beyond import beyond
 from .friction_law import LAWS
-from .joint_fits import forms
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .search import Search, Step, Tried
 
@@ -112,7 +111,7 @@ def _instead(search: Search, name: str, other: Trial) -> Trial:
     plants = [bare.coordinates.template]
     if other.name not in plants[0]:
         effect = other.result.plant[other.name]
-        plants = [plants[0] + effect.replace(**form) for form in forms(effect, plants[0])]
+        plants = [plants[0] + effect.replace(**form) for form in search.fits.forms(effect, plants[0])]
     most = _FAR * last.misfit.cost(last.vector)
 
     def fitted(plant: Plant) -> FitResult:

@@ -53,7 +53,7 @@ from .friction_shape import (
     straightened,
     without_idle,
 )
-from .joint_fits import FORMS, JointFits, Rough, forms
+from .joint_fits import FORMS, JointFits, Rough
 from .judgement import (
     AT_FLOOR,
     CLOSE,
@@ -410,7 +410,7 @@ class Search:
         out = []
         for c in candidates:
             report(0.9, f"trying {c.effect.name} from the beginning")
-            begun = fits.afresh(now.plant, c.effect, forms(c.effect, now.plant), cost)
+            begun = fits.afresh(now.plant, c.effect, fits.forms(c.effect, now.plant), cost)
             out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
         return out
 

@@ -2,7 +2,7 @@
 
 namespace {
 
-void modulate(const double* p, int, const gms::Motion&, gms::Level& level) {
+void modulate(const double* p, int, const gms::Motion&, const double*, gms::Level& level) {
   level.forward *= 1 + p[0];
   level.backward *= 1 - p[0];
   if (p[2] == 0) level.stiffens = false;

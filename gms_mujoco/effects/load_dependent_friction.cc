@@ -2,7 +2,7 @@
 
 namespace {
 
-void modulate(const double* p, int, const gms::Motion& m, gms::Level& level) {
+void modulate(const double* p, int, const gms::Motion& m, const double*, gms::Level& level) {
   const double factor = 1 + p[0] * std::fabs(m.load);
   level.forward *= factor;
   level.backward *= factor;

@@ -2,7 +2,7 @@
 
 namespace {
 
-void modulate(const double* p, int n, const gms::Motion& m, gms::Level& level) {
+void modulate(const double* p, int n, const gms::Motion& m, const double*, gms::Level& level) {
   const double *harmonics = p, *amplitude = p + n, *phase = p + 2 * n;
   double factor = 1;
   for (int i = 0; i < n; i++) factor += amplitude[i] * std::sin(harmonics[i] * m.position + phase[i]);

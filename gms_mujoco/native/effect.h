@@ -94,8 +94,9 @@ struct Effect {
   // Sets `state` from unknowns in [-1, 1] (0: never moved), which have no unit or are positions. Null where there is no memory.
   void (*recall)(const double* p, int n, const double* unknown, double* state);
 
-  // Scales the level of the joint's friction laws. Null where the effect does not modulate friction.
-  void (*modulate)(const double* p, int n, const Motion& motion, Level& level);
+  // Scales the level of the joint's friction laws, given the effect's state where the interval begins. Null where the effect
+  // does not modulate friction.
+  void (*modulate)(const double* p, int n, const Motion& motion, const double* state, Level& level);
 
   // Torque on the joint [N m] at the end of the interval, and the state there. `next` may be `state`: what is read of it
   // is read before anything is written. With zero displacement and zero duration the state does not change, but that it

@@ -84,7 +84,7 @@ void Joint::sums(int count, const Joint* const* joints, const Motion* motion, co
   double part[kTogether];
   const double* p[kTogether];
   for (int j = 0; j < count; j++) {
-    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion[j], level[j]);
+    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion[j], state[j] + x.state, level[j]);
   }
   std::fill(total, total + count, 0.0);
   for (size_t i = 0; i < first.torques_.size(); i++) {
@@ -102,7 +102,7 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
     next[j][0] = motion.position;
     next[j][1] = motion.time;
     total[j] = 0;
-    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion, level[j]);
+    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion, state[j] + x.state, level[j]);
   }
   for (size_t i = 0; i < first.torques_.size(); i++) {
     const Call& x = first.torques_[i];
@@ -124,7 +124,7 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
 
 double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
   Level level;
-  for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, level);
+  for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, state + x.state, level);
   if (parts) std::fill(parts, parts + uses_.size(), 0.0);
   double total = 0;
   for (const Call& x : torques_) {

@@ -21,7 +21,7 @@ inline double total(const int* uses, int n, const double* p, const Motion& motio
   Level level;
   for (int i = 0; i < n; i++) {
     const int* x = uses + i * kUseRow;
-    modulate(x[kEffect], p + x[kUseParameter], x[kElements], motion, level);
+    modulate(x[kEffect], p + x[kUseParameter], x[kElements], motion, state + x[kUseState], level);
   }
   double sum = 0;
   for (int i = 0; i < n; i++) {
