@@ -25,7 +25,8 @@ from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
 from .diagnosis.recheck import drop_last, join_laws
 from .diagnosis.remainder import describe, loudest
-from .diagnosis.search import Search, Step
+from .diagnosis.search import Search
+from .diagnosis.steps import Step
 from .effect import Effect
 from .errors import DataError
 from .fit import baseline

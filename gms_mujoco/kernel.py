@@ -87,7 +87,8 @@ def source(layout: Layout) -> str:
             f"static const int kUses[] = {{{uses}}};",
             f"static const int kImplicit[] = {{{', '.join(map(str, layout.implicit or (-1,)))}}};",
             _switch(
-                "void", "modulate", given + "const double* state, Level& level", "p, n, m, state, level", modulators, "",
+                "void", "modulate", given + "const double* state, Level& level", "p, n, m, state, level", modulators,
+                "",
             ),
             _switch(
                 "double", "torque", given + "const Level& level, const double* state, double* next",

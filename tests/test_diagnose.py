@@ -20,7 +20,7 @@ from gms_mujoco.control import PID
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.diagnose import Diagnosis, Rejected, _as_good, _comes_back, _loudest, _to_isolate, diagnose
 from gms_mujoco.diagnosis.joint_fits import FORMS
-from gms_mujoco.diagnosis.search import Step
+from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit

@@ -38,6 +38,8 @@ LAYERS = [
     {"reading", "judgement"},
     {"beyond", "moments", "plays"},
     {"friction_shape", "joint_fits"},
+    {"steps", "openings", "trials"},
+    {"pairs"},
     {"search"},
     {"recheck", "friction_law"},
     {"paths"},

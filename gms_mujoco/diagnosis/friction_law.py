@@ -36,7 +36,8 @@ from .judgement import (
     left_of,
     takes,
 )
-from .search import Search, Step
+from .search import Search
+from .steps import Step
 
 # Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
 # its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,

@@ -101,7 +101,8 @@ class JointFits:
         """
         if plant is not None and effect.name in plant:
             return [{}]
-        speeds = {p.name: effect.values[p.name] or self._scales[p.unit] for p in effect.parameters if p.unit == "rad/s"}
+        units = {p.name: p.unit for p in effect.parameters if p.unit == "rad/s"}
+        speeds = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
         return [{k: v * speeds.get(k, 1.0) for k, v in form.items()} for form in FORMS.get(effect.name, ({},))]
 
     def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:

@@ -9,7 +9,8 @@ from ..progress import Progress, part, silent
 from .friction_law import FrictionLaw
 from .judgement import Trial, floor_of, leaves_much_less, left_of, simplest, takes
 from .recheck import drop_false, drop_late, drop_ripple, drop_series, drop_shadows, exchange
-from .search import MOST_EFFECTS, MOST_ROUNDS, Search, Step
+from .search import MOST_EFFECTS, MOST_ROUNDS, Search
+from .steps import Step
 
 _HARDLY_MORE = 3.0  # times the squared error with an effect, that another may have left to be gone on with
 _MOST_RIVALS = 2

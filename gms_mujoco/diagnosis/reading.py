@@ -8,6 +8,8 @@ too, and through a coupling it does not.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -17,7 +19,7 @@ from ..effect import Effect
 from ..identification.held_out import HeldOut
 from ..identification.inverse import Observation
 from ..identification.least_squares import nudge
-from ..identification.linear_model import LinearModel
+from ..identification.linear_model import LinearModel, cross_validated
 from ..identification.misfit import Misfit
 from ..identification.tall import gram, squared
 from ..parameter import Parameter
@@ -93,6 +95,30 @@ def rung(misfit: Misfit, x: Array) -> tuple[Misfit, Array] | None:
     there = nudge(near, there)
     found = near.plant(there)[TorqueReading.name]
     return (near, there) if float(found.values["period"]) > 0 else None  # type: ignore[arg-type]
+
+
+def ring(misfit: Misfit, x: Array, left: HeldOut, swinging: Sequence[HeldOut]) -> str:
+    """How a reading rings that explains more than an axis of which a part swings; empty where none does.
+
+    Args:
+        misfit, x: a problem and its solution.
+        left: what that leaves on held-out blocks.
+        swinging: what is left there by fits with effects that swing.
+    """
+    reading = rung(misfit, x)
+    if reading is None:
+        return ""
+    near, there = reading
+    sensor, behind = near.plant(there)[TorqueReading.name], cross_validated(near, there)
+    least = as_shown(sensor, replace(behind, rows=behind.rows * math.sqrt(near.delivered(there))))
+    if least > min(as_shown(sensor, h) for h in swinging):
+        return ""
+    frequency = 1 / (2 * math.pi * float(sensor.values["period"]))  # type: ignore[arg-type]
+    share = 1 - least / as_shown(sensor, left)
+    return (
+        f"a torque reading that rings at {frequency:.3g} Hz, as a sensor on its own compliance does "
+        f"({100 * share:.0f} % of the square)"
+    )
 
 
 def _joined(misfit: Misfit, x: Array, effect: Effect) -> tuple[Misfit, Array]:

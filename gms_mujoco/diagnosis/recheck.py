@@ -23,7 +23,8 @@ from ..plant import Plant
 from .beyond import beyond
 from .friction_law import LAWS
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
-from .search import Search, Step, Tried
+from .search import Search
+from .steps import Step, Tried
 
 Array = NDArray[np.float64]
 

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Collection, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
-from operator import attrgetter
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compare import Comparison, compare_observations
+from ..compare import compare_observations
 from ..effect import Effect
-from ..fit import fit_as_logged, from_the_data
+from ..fit import fit_as_logged
 from ..fit_result import FitResult
-from ..identification.candidates import (
-    CONTAINED_LAWS,
-    GENERAL_LAWS,
-    LOADED,
-    applicable,
-    grows,
-    is_open,
-    is_part_of_wave,
-    joined,
-    with_general_laws,
-)
+from ..identification.candidates import applicable, grows, is_open, joined
 from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.habits import EARLY_SHARE, as_logged
 from ..identification.held_out import HeldOut, p_value
@@ -35,7 +22,7 @@ from ..identification.inverse import Observation
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
-from ..identification.refine import refine, refined
+from ..identification.refine import refine
 from ..identification.screen import Candidate, Screen
 from ..plant import Plant
 from ..progress import Progress, silent
@@ -45,12 +32,9 @@ from .friction_shape import (
     by_the_letter,
     elastic_bristle,
     fading_damping,
-    following,
     more_elements,
     other_curve,
     shaped_as,
-    spring_instead,
-    straightened,
     without_idle,
 )
 from .joint_fits import FORMS, JointFits, Rough
@@ -74,74 +58,27 @@ from .judgement import (
     left_of,
     simplest,
     swings,
-    takes,
-    takes_in_part,
     takes_of_both,
     with_curve,
     without,
 )
 from .moments import has_moments
-from .reading import TorqueReading, as_shown, rung
+from .openings import DRAG, afresh, beside_following, beside_straight, for_stuck, general_laws, straight, velocities
+from .pairs import two_at_once
+from .reading import TorqueReading, ring
+from .steps import Step, Tried
+from .trials import beside_contained, beside_load, is_needless, p_beside, surer
 
 Array = NDArray[np.float64]
 
 MOST_EFFECTS = 4  # added in a row
 MOST_ROUNDS = 8  # an effect of several harmonics takes more than one
-_DRAG = "quadratic_drag"  # what a curve of friction that bends over all speeds does
-_SPRING = "spring"  # what an element of friction that never slips does
 _CONTENDERS = 6  # candidates that are fitted jointly, roughly
 _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below which a joint one cannot be worth it
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
 _RIVALS = 0.25  # so much of what it promises where they may do so by chance
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
-_SURELY = 4.0  # times the cost with an effect: without it much more is left
 _LED_ON = 0.9  # times the error of a fit: another curve of friction may show there that had not
-
-
-@dataclass(frozen=True)
-class Step:
-    """One plant on the way: the baseline, or the plant before with one effect more.
-
-    Attributes:
-        effect: what was added; None for the baseline.
-        result: the joint fit.
-        comparison: on the validate records, made after every choice; None where there are none.
-        evidence: one sentence that a person can check on a plot.
-        confusable_with: effects that these records cannot tell from the one added.
-        p_value: of the fall of the error on held-out blocks.
-        held_out: what is left of each block of the fit records by a fit without it.
-        others: fits with another effect in its place, which earned it as well.
-    """
-
-    effect: str | None
-    result: FitResult
-    comparison: Comparison | None = None
-    confusable_with: tuple[str, ...] = ()
-    p_value: float = float("nan")
-    held_out: HeldOut = field(default_factory=lambda: HeldOut(np.empty(0), ()), repr=False)
-    evidence: str = ""
-    others: tuple[Trial, ...] = field(default=(), repr=False)
-
-    @property
-    def validate_error(self) -> float | None:
-        """Pooled error on the validate records: of the torque, or of the position of a servo [rad]."""
-        return None if self.comparison is None else self.comparison.error
-
-
-class Tried(NamedTuple):
-    """An effect that was looked at and left out.
-
-    Attributes:
-        name: of the effect.
-        p_value: of the fall of the error on held-out blocks.
-        plant: with the effect: fitted jointly, or where such a fit would begin.
-        fitted: whether it was.
-    """
-
-    name: str
-    p_value: float
-    plant: Plant
-    fitted: bool
 
 
 class Search:
@@ -247,9 +184,12 @@ class Search:
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
-        rough += self._beside_straight(fits.worth_trying(current, rough))
-        rough += self._for_stuck(fits.worth_trying(current, rough))
-        laws = self._general_laws(fits.worth_trying(current, rough))
+        if self.timed:
+            rough += beside_straight(current, fits, self._addable, fits.worth_trying(current, rough))
+            rough += for_stuck(current, self._addable, fits.worth_trying(current, rough))
+        laws: list[Rough] = []
+        if not (self.at_floor or fits.simulated):
+            laws = general_laws(current, fits, self.barred, fits.worth_trying(current, rough))
         plants |= {name: misfit.plant(x) for name, misfit, x in laws}
         on_all = {name: cross_validated(Misfit(plants[name], self.seen), x) for name, _, x in laws}
         p_values |= {name: p_value(self.held_out, left) for name, left in on_all.items()}
@@ -263,8 +203,7 @@ class Search:
                 p_values |= dict.fromkeys(swinging, 1.0)
                 promising = [c for c in promising if c.effect.name not in swinging]
             new = [c for c in promising if c.effect.name not in current.plant]
-            problems = {name: (misfit, x) for name, misfit, x in reversed(rough)}
-            added = self._accept(trials, p_values) or self._accept_two(screen, new, problems, trials, p_values)
+            added = self._accept(trials, p_values) or self._accept_two(screen, new, rough, trials, p_values)
             for more in (self._beside_following, lambda: self._afresh(new, report)):
                 if not added and (begun := more()):
                     trials += self._trials(begun, p_values, report)
@@ -306,7 +245,7 @@ class Search:
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
         held = [t for t in best if self._holds_roughly(t)] if self.at_floor and self.only_timed else best
         ends = finalists(current, held, FINALISTS + fits.simulated)
-        ends += _surer(best, ends, p_values)
+        ends += surer(best, ends, p_values)
         for i, (name, misfit, x) in enumerate(ends):
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
@@ -316,7 +255,7 @@ class Search:
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
-        p_values |= {t.name: self._beside(self.steps[-1].result, self.held_out, t) for t in trials}
+        p_values |= {t.name: p_beside(self.steps[-1].result, self.held_out, t) for t in trials}
         return trials
 
     def _holds_roughly(self, rough: Rough) -> bool:
@@ -327,35 +266,6 @@ class Search:
         _, misfit, x = rough
         return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
 
-    def _general_laws(self, below: float = math.inf) -> list[Rough]:
-        """A rough fit with each general law of friction in the place of those that it contains, above the noise floor:
-        it is no small change of them, which a tangent would show; see `JointFits.roughly` for `below`."""
-        fits = self.fits
-        if self.at_floor or fits.simulated:
-            return []
-        laws = with_general_laws(self.steps[-1].result.plant)
-        return [(n, *from_the_data(p, fits.few, below=below)) for n, p in laws.items() if n not in self.barred]
-
-    def _beside_straight(self, below: float = math.inf) -> list[Rough]:
-        """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
-        stands for a drag, whose tangent shows nothing then; see `JointFits.roughly` for `below`."""
-        now = self.steps[-1].result
-        if (plants := self._straight) is None:
-            return []
-        misfit, x = now.misfit.onto(plants[1], now.vector, self.fits.few, fixed=_velocities(plants[1]))
-        x = refined(misfit, nudge(misfit, x, below=below), below=below)
-        return [(_DRAG, *misfit.onto(misfit.plant(x), x))]
-
-    def _for_stuck(self, below: float = math.inf) -> list[Rough]:
-        """A rough fit with a spring in the place of elements of friction that slip in no record, beside which its
-        tangent shows nothing; see `JointFits.roughly` for `below`."""
-        addable = self.timed and _SPRING in [e.name for e in self._addable]
-        begun = spring_instead(self.steps[-1].result) if addable else None
-        if begun is None:
-            return []
-        misfit, x = begun
-        return [(_SPRING, misfit, refined(misfit, nudge(misfit, x, below=below), below=below))]
-
     def _drag_for_curve(self) -> bool:
         """Puts a drag in the place of a curve that bends over all speeds, and stands for it at the noise floor, where
         nothing is left that the drag could take; False where it earns no place.
@@ -364,11 +274,11 @@ class Search:
         unknown fewer; and beside friction that weakens at slow speed alone it has to take its share of what is left.
         """
         now = self.steps[-1]
-        if not (self.at_floor and self.only_timed) or (plants := self._straight) is None:
+        if not (self.at_floor and self.only_timed) or (plants := straight(now.result, self._addable)) is None:
             return False
 
         def fitted(plant: Plant) -> tuple[FitResult, HeldOut]:
-            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=_velocities(plant))
+            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=velocities(plant))
             result = refine(misfit, nudge(misfit, x))
             return result, cross_validated(result.misfit, result.vector)
 
@@ -378,41 +288,26 @@ class Search:
             return False
         base, before = fitted(plants[0])
         floor = min(floor_of(base), floor_of(result))
-        p = self._beside(base, before, Trial(_DRAG, result, held_out))
+        p = p_beside(base, before, Trial(DRAG, result, held_out))
         if p > FALSE_DISCOVERY_RATE or not takes_of_both(base, before, result, held_out, floor, LEAST_SHARE):
             return False
         last = self.fits.to_end(*result.misfit.onto(result.plant, result.vector))
         self.steps[-1] = replace(now, result=base, held_out=before)
-        self.steps.append(Step(_DRAG, last, None, (), p, cross_validated(last.misfit, last.vector)))
+        self.steps.append(Step(DRAG, last, None, (), p, cross_validated(last.misfit, last.vector)))
         return True
 
     def _beside_following(self) -> list[Rough]:
-        """Rough fits with what modulates friction, seen beside friction that follows its level, if that leaves less."""
-        now, fits = self.steps[-1].result, self.fits
-        if self.at_floor or fits.simulated or (near := following(now)) is None:
+        """Rough fits beside friction that follows its level, see `openings`; none at the noise floor."""
+        if self.at_floor or self.fits.simulated:
             return []
-        screen, least = Screen(near.misfit, near.vector), left_of(now.misfit, now.vector)
-        share = (1 - LEAST_SHARE) * least / max(left_of(near.misfit, near.vector), 1e-300)
-        seen = [screen.candidate(e) for e in self._addable if e.modulates]
-        return [(c.effect.name, *fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
+        return beside_following(self.steps[-1].result, self.fits, self._addable)
 
     def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
-        """Rough fits from the beginning with each of the candidates, of those that leave less.
-
-        A plant that has bent far to hide an effect may not find back from where it is, and no linear refit promises
-        then what the effect would explain.
-        """
-        now, fits = self.steps[-1].result, self.fits
-        if self.at_floor or fits.simulated or self.quick:
+        """Rough fits from the beginning, see `openings`; none at the noise floor."""
+        if self.at_floor or self.fits.simulated or self.quick:
             return []
-        near, there = now.misfit.onto(now.plant, now.vector, fits.few)
-        cost = near.cost(there)
-        out = []
-        for c in candidates:
-            report(0.9, f"trying {c.effect.name} from the beginning")
-            begun = fits.afresh(now.plant, c.effect, fits.forms(c.effect, now.plant), cost)
-            out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
-        return out
+        report(0.9, "trying from the beginning")
+        return afresh(self.steps[-1].result, self.fits, candidates)
 
     def _beyond(self, trials: Sequence[Trial]) -> Hint | None:
         """What is in no catalogue and leaves much less than the best of the trials, short of the noise floor."""
@@ -431,28 +326,16 @@ class Search:
         if not self.at_floor and any(t.result.error <= AT_FLOOR * t.result.floor for t in swinging):
             return False
         now = self.steps[-1].result
-        reading = rung(now.misfit, now.vector)
-        if reading is None:
-            return False
-        misfit, x = reading
-        sensor = misfit.plant(x)[TorqueReading.name]
-        behind = cross_validated(misfit, x)
-        left = as_shown(sensor, replace(behind, rows=behind.rows * math.sqrt(misfit.delivered(x))))
-        if left > min(as_shown(sensor, t.held_out) for t in swinging):
-            return False
-        period = sensor.values["period"]
-        share = 1 - left / as_shown(sensor, self.held_out)
-        self.hint = Hint(
-            f"a torque reading that rings at {1 / (2 * math.pi * float(period)):.3g} Hz, as a sensor on its own "  # type: ignore[arg-type]
-            f"compliance does ({100 * share:.0f} % of the square)",
-            TorqueReading.experiment,
-        )
-        return True
+        said = ring(now.misfit, now.vector, self.held_out, [t.held_out for t in swinging])
+        if said:
+            self.hint = Hint(said, TorqueReading.experiment)
+        return bool(said)
 
     def _accept(self, trials: Sequence[Trial], p_values: dict[str, float]) -> bool:
         passed = discoveries(p_values)
         now = self.steps[-1]
-        earned = self._beside_load(_beside_contained([t for t in trials if t.name in passed and self._earns(t)]))
+        earned = beside_contained([t for t in trials if t.name in passed and self._earns(t)])
+        earned = beside_load(earned, self.seen)
         if not earned:
             return False
         left, *after = (left_of(r.misfit, r.vector) for r in (now.result, *(t.result for t in earned)))
@@ -469,22 +352,29 @@ class Search:
             # A general law of friction takes the place of what it contains.
             self.steps = [s for s in self.steps if s.effect is None or s.effect in result.plant]
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if (self.shape() and self._needless(name)) or self.relogged():
+        if (self.shape() and self._is_needless(name)) or self.relogged():
             self.first(silent)
         return True
 
-    def _beside_load(self, earned: Sequence[Trial]) -> list[Trial]:
-        """The trials without friction that varies along a part of a wave, where a load that was logged leaves hardly
-        more: that varies over the place too, and says by itself how."""
-        loaded = next((t for t in earned if t.name == LOADED), None)
-        if loaded is None:
-            return list(earned)
+    def _accept_two(
+        self, screen: Screen, candidates: Sequence[Candidate], rough: Sequence[Rough], trials: Sequence[Trial],
+        p_values: dict[str, float],
+    ) -> bool:  # fmt: skip
+        """Adds two effects at once that earn their places beside each other; False where none do. See `two_at_once`."""
+        if self.at_floor or len(self.steps) >= MOST_EFFECTS:
+            return False
+        now = self.steps[-1].result
+        both = two_at_once(now, self.fits, screen, candidates, rough, trials, p_values, self.selects)
+        if both is None:
+            return False
+        self.steps += both
+        if self.shape() and any(self._is_needless(str(s.effect)) for s in both):
+            self.first(silent)
+        return True
 
-        def stands_for_load(t: Trial) -> bool:
-            close = loaded.held_out.total < CLOSE * t.held_out.total
-            return close and is_part_of_wave(t.result.plant[t.name], self.seen)
-
-        return [t for t in earned if not stands_for_load(t)]
+    def _is_needless(self, name: str) -> bool:
+        """Whether an effect that was found earns no place beside the curve of friction that the plant has now."""
+        return is_needless(name, self.steps[-1].result, self.held_out)
 
     def _earns(self, trial: Trial) -> bool:
         """Whether a joint fit with one effect more is better than the current plant by all but its p value."""
@@ -495,90 +385,6 @@ class Search:
             return False
         # A response knows no place: of what varies with it only some combination of strength and phase is seen.
         return not all(isinstance(o, FrfObservation) for o in self.seen) or is_told(trial.name, trial.result)
-
-    def _accept_two(
-        self,
-        screen: Screen,
-        candidates: Sequence[Candidate],
-        rough: dict[str, tuple[Misfit, Array]],
-        trials: Sequence[Trial],
-        p_values: dict[str, float],
-    ) -> bool:
-        """Adds two effects at once, of which neither stands out while the other is missing; False where none do.
-
-        Each must earn its place beside the other. Every two that are looked at count among the discoveries.
-
-        Args:
-            screen: of the current plant.
-            candidates: to take them from.
-            rough: a joint fit with each.
-            trials: whole fits with some of them.
-            p_values: of each effect alone.
-        """
-        if self.at_floor or len(self.steps) >= MOST_EFFECTS:
-            return False
-        now = self.steps[-1]
-        found: dict[str, tuple[float, HeldOut, Candidate, Candidate]] = {}
-        for one, other in itertools.combinations(candidates, 2):
-            both, alone = screen.together(one, other), min((one, other), key=lambda c: c.held_out.total)
-            p = max(p_value(c.held_out, both) for c in (one, other))
-            found[f"{one.effect.name} and {other.effect.name}"] = p, both, alone, other if alone is one else one
-        p_values = p_values | {k: p for k, (p, *_) in found.items()}
-        passed = discoveries(p_values)
-        floor = floor_of(now.result)
-        worth = [
-            (both.total, k, alone, other)
-            for k, (_, both, alone, other) in found.items()
-            if k in passed and takes(alone.held_out.total, both.total, floor)
-        ]
-        if not worth:
-            return False
-        _, label, alone, other = min(worth, key=lambda t: t[0])
-        first, second = alone.effect.name, other.effect.name
-
-        def whole(name: str) -> FitResult:
-            for t in trials:
-                if t.name == name:
-                    return t.result
-            misfit, x = rough[name]
-            return self.fits.to_end(misfit, x)
-
-        base = whole(first)
-        result = self.fits.best(self.fits.to_end(*self.fits.roughly(base, other)))
-        held_out = cross_validated(result.misfit, result.vector)
-        singles = []
-        for name, left in ((first, second), (second, first)):
-            single = min(whole(name), refine(*without(result, left)), key=attrgetter("error"))
-            singles.append(Trial(name, single, cross_validated(single.misfit, single.vector)))
-        beside = list(zip(singles, (second, first), strict=True))
-        beside_p = [self._beside(s.result, s.held_out, Trial(n, result, held_out)) for s, n in beside]
-        floor = min(floor, floor_of(result))
-        earned = (
-            label in discoveries(p_values | {label: max(beside_p)})
-            and all(takes(s.held_out.total, held_out.total, floor) for s in singles)
-            and all(carries(n, s.result, result) for s, n in beside)
-            and self.selects(result)
-        )
-        if earned:
-            self.steps.append(Step(first, singles[0].result, None, (), beside_p[1], singles[0].held_out))
-            self.steps.append(Step(second, result, None, (), beside_p[0], held_out))
-            if self.shape() and (self._needless(first) or self._needless(second)):
-                self.first(silent)
-        return earned
-
-    def _needless(self, name: str) -> bool:
-        """Whether an effect that was chosen beside another curve of friction earns no place beside this one."""
-        last = self.steps[-1]
-        alone = refine(*without(last.result, name), below=_SURELY * last.result.misfit.cost(last.result.vector))
-        left = cross_validated(alone.misfit, alone.vector)
-        floor = min(floor_of(alone), floor_of(last.result))
-        earned = takes(left.total, last.held_out.total, floor)
-        earned = earned or takes_in_part(alone, left, last.result, last.held_out)
-        return not (earned and p_value(left, last.held_out) < FALSE_DISCOVERY_RATE)
-
-    def _beside(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
-        """p value of an effect that was added to a fit."""
-        return max(p_value(before, trial.held_out), self._beyond_speed(base, before, trial))
 
     def shape(self, at_last: bool = False) -> bool:
         """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
@@ -644,20 +450,6 @@ class Search:
         """Whether a fit with one effect more takes enough of what the current plant leaves; see `judgement`."""
         return is_worth_it(self.steps[-1].result, self.held_out, result, held_out, share)
 
-    def _beyond_speed(self, base: FitResult, before: HeldOut, trial: Trial) -> float:
-        """p value of an effect that changes friction, where friction is any function of speed; 0 for other effects.
-
-        What a sensor reads wrong is the speed of friction too. A curve that predicts blocks not seen worse than none is
-        nothing to beat, and with the effect no better than the effect alone.
-        """
-        effect = trial.result.plant[trial.name]
-        if not (effect.modulates or effect.kind == "sensor") or not self.timed:
-            return 0.0
-        curved = with_curve(base)
-        if curved.total >= before.total:
-            return 0.0
-        return p_value(curved, min(trial.held_out, with_curve(trial.result), key=lambda h: h.total))
-
     @property
     def bent(self) -> float:
         """Share of the squared error on held-out blocks that another shape of friction over speed takes; 0 if none."""
@@ -683,15 +475,6 @@ class Search:
     def _addable(self) -> list[type[Effect]]:
         """The effects that could be added to the current plant and have not been found false."""
         return [e for e in applicable(self.steps[-1].result.plant, self.seen) if e.name not in self.barred]
-
-    @property
-    def _straight(self) -> tuple[Plant, Plant] | None:
-        """The plant with friction that weakens at slow speed alone where it has bent over all, without a drag and with
-        one; None where it has not."""
-        drag = next((e for e in self._addable if e.name == _DRAG), None)
-        if drag is None or not self.timed or (plant := straightened(self.steps[-1].result)) is None:
-            return None
-        return plant, plant + drag(coefficient=0.0)
 
     @property
     def timed(self) -> bool:
@@ -724,7 +507,7 @@ class Search:
         as good: see `recheck.exchange`.
         """
         now = self.steps[-1].result
-        sure = self._beside(now, self.held_out, first) <= FALSE_DISCOVERY_RATE / tried and self._earns(first)
+        sure = p_beside(now, self.held_out, first) <= FALSE_DISCOVERY_RATE / tried and self._earns(first)
         if not sure:
             return math.inf
         cost, least = (r.misfit.cost(r.vector) for r in (now, first.result))
@@ -739,30 +522,3 @@ class Search:
             compare_observations(p, self.select).error for p in (self.steps[-1].result.plant, result.plant)
         )
         return after < before
-
-
-def _beside_contained(earned: Sequence[Trial]) -> list[Trial]:
-    """The trials without the general laws of friction, where one that they contain leaves hardly more: all that is
-    missing may be that."""
-    left = min((t.held_out.total for t in earned if t.name in CONTAINED_LAWS), default=math.inf)
-    return [t for t in earned if t.name not in GENERAL_LAWS or CLOSE * t.held_out.total < left]
-
-
-def _surer(rough: Sequence[Rough], ends: Sequence[Rough], p_values: dict[str, float]) -> list[Rough]:
-    """The simplest of the rough fits that the screen is surest of, where none as simple that is fitted to its end is.
-
-    A strong effect is tried from the beginning, and its rough fit may owe to that start what it leaves less than one
-    that goes on from a plant that has bent; and of two that do much the same the simpler says more.
-    """
-    least = min((p_values[name] for name, *_ in rough), default=1.0)
-    if least > FALSE_DISCOVERY_RATE:
-        return []
-    sure = [r for r in rough if p_values[r[0]] <= least]
-    simplest = min(sure, key=lambda r: (r[1].size, left_of(r[1], r[2])))
-    known = any(p_values[r[0]] <= least and r[1].size <= simplest[1].size for r in ends)
-    return [] if known else [simplest]
-
-
-def _velocities(plant: Plant) -> list[str]:
-    """The Stribeck velocities of a plant, as a fit names what it leaves as it is."""
-    return [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]

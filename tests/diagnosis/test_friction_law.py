@@ -15,7 +15,8 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import Diagnosis, diagnose
 from gms_mujoco.diagnosis.friction_law import _NEAR, FrictionLaw, _strays, choices, much_better, with_law
 from gms_mujoco.diagnosis.judgement import Trial
-from gms_mujoco.diagnosis.search import Search, Step
+from gms_mujoco.diagnosis.search import Search
+from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.fit import fit, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.candidates import GENERAL_LAWS

@@ -14,7 +14,8 @@ from gms_mujoco.diagnosis.beyond import Hint
 from gms_mujoco.diagnosis.friction_law import with_law
 from gms_mujoco.diagnosis.judgement import Trial, carries
 from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, join_laws, undoing
-from gms_mujoco.diagnosis.search import Search, Step
+from gms_mujoco.diagnosis.search import Search
+from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import result_of

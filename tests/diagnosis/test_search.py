@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +12,9 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.friction_shape import straightened
 from gms_mujoco.diagnosis.joint_fits import JointFits
-from gms_mujoco.diagnosis.judgement import Trial, left_of
-from gms_mujoco.diagnosis.search import Search, Step
-from gms_mujoco.effect import Effect
+from gms_mujoco.diagnosis.judgement import Trial
+from gms_mujoco.diagnosis.search import Search
+from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.habits import EARLY_SHARE, acting_early
@@ -24,8 +22,7 @@ from gms_mujoco.identification.linear_model import cross_validated
 from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.identification.refine import refine
-from gms_mujoco.identification.scales import Scales
-from gms_mujoco.identification.screen import Candidate, Screen
+from gms_mujoco.identification.screen import Candidate
 from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
 
@@ -104,38 +101,6 @@ def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: 
         assert tried[:1] == expected
 
 
-def test_from_the_beginning_an_effect_is_tried_however_little_it_promised() -> None:
-    """Friction has bent to hide it; and what leaves no less is not looked at further."""
-    drag = effects.QuadraticDrag(coefficient=0.3 * LEVEL / 30**2)
-    search = Search(observe(runs(HEALTHY + drag, seconds=1.0), J), [], UNKNOWN)
-    search.first(silent)
-    now = search.steps[0].result
-    names = ("gravity", "cogging", "spring", "quadratic_drag")
-    screen = Screen(now.misfit, now.vector)
-    found = search._afresh([c for n in names if (c := screen.candidate(effects.find(n)))], silent)
-    assert "quadratic_drag" in [name for name, *_ in found]
-    assert all(left_of(misfit, x) < left_of(now.misfit, now.vector) for _, misfit, x in found)
-
-
-def test_a_drag_is_tried_beside_another_curve_than_one_that_has_bent_to_stand_for_it() -> None:
-    """Beside a curve that falls at slow speed it leaves less than beside one that falls over all; else nothing is."""
-    law, drag = GMS.replace(static=1.02 * LEVEL), effects.QuadraticDrag(coefficient=0.1 * LEVEL / 20**2)
-    seen = observe(runs(HEALTHY.replace(law) + drag), J)
-    bent = HEALTHY.replace(law.replace(static=3 * LEVEL, stribeck_velocity=Scales.of(seen)["rad/s"]))
-    search = Search(seen, [], HEALTHY)
-    for plant, tried in ((HEALTHY, False), (bent + drag, False), (bent, True)):
-        near = Misfit(plant, seen, fixed=["gms.stribeck_velocity"])
-        now = refine(near, near.vector(plant))
-        search.steps = [Step(None, now)]
-        found = search._beside_straight()
-        assert [name for name, *_ in found] == ["quadratic_drag"] * tried
-        for _, misfit, x in found:
-            assert left_of(misfit, x) < 0.1 * left_of(now.misfit, now.vector)
-            assert misfit.plant(x)["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
-    search.false.add("quadratic_drag")
-    assert not search._beside_straight()
-
-
 def test_a_drag_takes_the_place_of_a_curve_that_stands_for_it_at_the_noise_floor() -> None:
     """And a curve that does bend over all speeds keeps its own."""
     law, noise = GMS.replace(static=1.02 * LEVEL), 1e-3
@@ -195,24 +160,6 @@ def test_a_curve_is_looked_for_again_where_a_plant_has_come_well_below_where_it_
     monkeypatch.setattr(search, "_shaped_at", 1.2 * search.steps[0].result.error)
     assert search.add_one(silent) and len(search.steps) == 1
     assert search.steps[0].result.plant["gms"].stribeck_exponent == pytest.approx(0.75, rel=0.05)
-
-
-@pytest.mark.parametrize(("travel", "loaded", "kept"), [(3.0, 1.3, False), (3.0, 5.0, True), (9.0, 1.3, True)])
-def test_friction_over_a_part_of_a_wave_gives_way_to_what_a_load_does(
-    travel: float, loaded: float, kept: bool
-) -> None:
-    """As on a robot, whose links load a joint by where they stand."""
-    search = Search([SimpleNamespace(position=np.linspace(0, travel, 9))], [], UNKNOWN)  # type: ignore[list-item]
-    uneven = effects.PositionDependentFriction(harmonics=[1], amplitude=[0.2], phase=[0.3])
-    heavy = effects.LoadDependentFriction(coefficient=0.1)
-
-    def trial(effect: Effect, total: float) -> Any:
-        result = SimpleNamespace(plant=HEALTHY + effect)
-        return SimpleNamespace(name=effect.name, result=result, held_out=SimpleNamespace(total=total))
-
-    both = [trial(uneven, 1.0), trial(heavy, loaded)]
-    assert search._beside_load(both[:1]) == both[:1]
-    assert search._beside_load(both) == (both if kept else both[1:])
 
 
 def test_friction_gets_more_elements_from_where_a_trial_has_led() -> None:

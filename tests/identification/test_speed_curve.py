@@ -6,6 +6,7 @@ import pytest
 from gms_mujoco import effects
 from gms_mujoco.diagnosis.judgement import Trial
 from gms_mujoco.diagnosis.search import Search
+from gms_mujoco.diagnosis.trials import _beyond_speed, p_beside
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.held_out import HeldOut, p_value
@@ -40,7 +41,7 @@ def test_load_dependence_is_told_where_the_load_differs_at_the_same_speed(load: 
     result = fit_observations(first.plant + effects.LoadDependentFriction(coefficient=0.1), search.seen)
     assert result.plant[name].coefficient == pytest.approx(C, rel=0.1) and result.error < 0.5 * first.error
     trial = Trial(name, result, cross_validated(result.misfit, result.vector))
-    p = search._beyond_speed(first, search.held_out, trial)
+    p = _beyond_speed(first, search.held_out, trial)
     assert p < 1e-4 if told else p > 0.05
 
 
@@ -57,8 +58,8 @@ def test_a_curve_that_predicts_worse_than_none_is_nothing_to_beat(monkeypatch: p
         left = search.held_out if fitted is first else trial.held_out
         return HeldOut(left.rows + rng.normal(0, 5 * FC, len(left.rows)), left.observations)
 
-    monkeypatch.setattr("gms_mujoco.diagnosis.search.with_curve", overfitted)
-    assert search._beside(first, search.held_out, trial) == p_value(search.held_out, trial.held_out) < 1e-4
+    monkeypatch.setattr("gms_mujoco.diagnosis.trials.with_curve", overfitted)
+    assert p_beside(first, search.held_out, trial) == p_value(search.held_out, trial.held_out) < 1e-4
 
 
 def test_the_curve_holds_every_level_over_speed() -> None:
