@@ -87,6 +87,7 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     for i, (k, rival) in enumerate(rivals):
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
+        other.shape()  # as beside the one that was chosen
         if _promises_nothing(other, search):
             continue
         law = friction.beside(other)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
+from bench import GMS, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, dataset
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -61,6 +61,21 @@ def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
     assert names(search) == ["asymmetric_friction"] and search.steps[-1].result.error < 0.7 * end.result.error
     search.steps[1] = end = replace(search.steps[1], others=end.others)
     assert along_rivals(search, law, quiet) is law and search.steps[1:] == [end]
+
+
+def test_friction_gets_another_shape_beside_an_effect_that_was_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before it is asked whether that path promises anything: a wrong exponent leaves more than many an effect."""
+    gauss = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=2.0)
+    search = gone_astray(dataset(HEALTHY.replace(gauss) + OFFSET.replace(torque=0.3 * LEVEL)))
+    found: list[float] = []
+
+    def none(other: Search, search: Search) -> bool:
+        found.append(float(np.asarray(other.steps[-1].result.plant["gms"].stribeck_exponent)))
+        return True
+
+    monkeypatch.setattr("gms_mujoco.diagnosis.paths._promises_nothing", none)
+    along_rivals(search, FrictionLaw(search, free=False), quiet)
+    assert found == pytest.approx([2.0], rel=0.05)
 
 
 def test_a_search_ends_where_another_has_been(monkeypatch: pytest.MonkeyPatch) -> None:
