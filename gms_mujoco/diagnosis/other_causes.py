@@ -24,6 +24,7 @@ _SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, o
 _GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
+_TWICE = 1.5  # waves to a revolution: fewer are one
 _FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
 _FINER = 8  # times finer than a record tells two frequencies apart
 _MOVES = 0.02  # of the square of the velocity, at the frequency of a torque that is not the motion's own
@@ -363,12 +364,34 @@ def _say_line(now: FitResult, strength: Array) -> str:
     return f"a torque that is periodic in time, at {_line_in(now):.3g} Hz, of up to {_height(strength):.2g} {unit}"
 
 
-# ------------------------------------------------------------------------------- waves that grow with the speed
+# ------------------------------------------------------------------------------- waves over the place
+
+
+def _of_reading(now: FitResult) -> list[Torques]:
+    """What a position r = q + c cos(n q) + s sin(n q) that is read takes beside J r'', of the period that carries most;
+    once in a revolution it is an eccentric encoder's."""
+    number, inertia = _waves_in(now, np.square), now.plant.driven_inertia
+    if now.plant.kind == "hinge" and number < _TWICE:
+        return []
+
+    def one(o: Observation) -> Torques:
+        angle = number * o.position
+        cosine, sine = np.cos(angle), np.sin(angle)
+        pull = inertia * number * np.stack([sine, -cosine], 1)
+        return Torques(pull, inertia * (number * o.velocity[:, None]) ** 2 * np.stack([cosine, sine], 1))
+
+    return list(map(one, records_of(now))) if number else []
+
+
+def _say_reading(now: FitResult, strength: Array) -> str:
+    unit = "rad" if now.plant.kind == "hinge" else "m"
+    many = _many(now, _waves_in(now, np.square))
+    return f"a position that is read with an error in waves over the place, {many}, of {np.hypot(*strength):.2g} {unit}"
 
 
 def _of_waves(now: FitResult) -> list[Torques]:
     """Waves over the place that grow with the velocity, or with the speed, of the period that carries most."""
-    number = _waves_in(now)
+    number = _waves_in(now, np.positive, np.abs)
 
     def one(o: Observation) -> Torques:
         v, angle = o.velocity, number * o.position
@@ -377,14 +400,19 @@ def _of_waves(now: FitResult) -> list[Torques]:
     return list(map(one, records_of(now))) if number else []
 
 
-def _waves_in(now: FitResult) -> float:
-    """Waves in a radian or a metre; 0 where what is left has none."""
+def _waves_in(now: FitResult, *grow: Callable[[Array], Array]) -> float:
+    """Waves in a radian or a metre, that grow with one function of the velocity or another; 0 where what is left has
+    none."""
     seen = records_of(now)
     left = now.misfit.residual(now.vector)
     position = np.concatenate([o.position[o.index] for o in seen])
     velocity = np.concatenate([o.velocity[o.index] for o in seen])
-    period, share = max((wave(position, left, f) for f in (velocity, np.abs(velocity))), key=lambda w: w[1])
+    period, share = max((wave(position, left, f(velocity)) for f in grow), key=lambda w: w[1])
     return 2 * math.pi / period if share > _IN_WAVES else 0.0
+
+
+def _many(now: FitResult, number: float) -> str:
+    return f"{number:.3g} to a revolution" if now.plant.kind == "hinge" else f"one every {2 * math.pi / number:.3g} m"
 
 
 def _at_most(now: FitResult, strength: Array) -> float:
@@ -394,10 +422,10 @@ def _at_most(now: FitResult, strength: Array) -> float:
 
 
 def _say_waves(now: FitResult, strength: Array) -> str:
-    number, hinge = _waves_in(now), now.plant.kind == "hinge"
-    many = f"{number:.3g} to a revolution" if hinge else f"one every {2 * math.pi / number:.3g} m"
-    return (f"a torque in waves over the place that grows with the speed, {many}, "
-            f"{_at_most(now, strength):.2g} {'N m' if hinge else 'N'} at the highest")  # fmt: skip
+    unit = "N m" if now.plant.kind == "hinge" else "N"
+    many = _many(now, _waves_in(now, np.positive, np.abs))
+    return (f"a torque in waves over the place that grows with the speed, {many}, {_at_most(now, strength):.2g} {unit} "
+            "at the highest")  # fmt: skip
 
 
 CAUSES = (
@@ -456,5 +484,9 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_waves, lambda now, s: _at_most(now, s) / _most_asked(now), _say_waves,
         "Constant speeds from slow to fast, each over several waves, in both directions: how high they are at each.",
+    ),
+    Cause(
+        ("hinge", "slide"), _of_reading, lambda now, s: _waves_in(now, np.square) * float(np.hypot(*s)), _say_reading,
+        "The speed that is read while the axis coasts fast over several waves: what it swings by is the reading's.",
     ),
 )  # fmt: skip

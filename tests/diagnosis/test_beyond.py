@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -173,6 +174,17 @@ def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:
 def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
     said = _said(COGGING, [_growing(r) for r in runs(HEALTHY)])
     assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
+
+
+@pytest.mark.parametrize("effect", [COGGING, ECCENTRIC], ids=lambda e: e.name)
+def test_a_reading_that_errs_in_waves_is_neither_an_eccentric_encoder_nor_cogging(effect: Effect) -> None:
+    def misread(r: Record) -> Record:
+        q = r.position
+        return replace(r, signals={**r.signals, "position": q + 0.03 * np.sin(3 * q + 0.3)})
+
+    said = _said(effect, list(map(misread, runs(HEALTHY))))
+    told = re.match(r"a position that is read with an error in waves over .*, 3 to a revolution, of (\S+) rad", said)
+    assert told is not None and float(told[1]) == pytest.approx(0.03, rel=0.1)
 
 
 @pytest.mark.parametrize("effect", [COGGING, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
