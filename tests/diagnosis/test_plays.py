@@ -70,11 +70,11 @@ def test_contacts_beside_one_at_the_end_of_its_range_stay_within_it(monkeypatch:
 def test_a_fit_that_knocks_at_the_wrong_instants_is_led_out() -> None:
     """Too much damping smears knocks that come at the wrong time, and no step leads from there to less."""
     astray = refine(*_begun(HEALTHY + PLAY.replace(gap=0.07, frequency=28.0, damping=0.9)))
+    assert astray.plant["backlash"].damping > 2 * 0.15
     led_out = from_other_contacts(astray)
     assert led_out.error < astray.error / 2
     values = led_out.plant["backlash"].values
     assert values["gap"] == pytest.approx(0.05, rel=0.15) and values["damping"] == pytest.approx(0.15, rel=0.15)
-    assert abs(values["gap"] - 0.05) < abs(astray.plant["backlash"].gap - 0.05)
 
 
 def test_a_coupling_that_leaves_more_than_noise_is_opened_to_a_play_of_some_width() -> None:
