@@ -87,6 +87,8 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
     for i, (k, rival) in enumerate(rivals):
         report(i / len(rivals), f"going on from {rival.name}")
         other = search.branch(k, rival)
+        if any(_has_been(before, other.steps[-1]) for before in gone):
+            continue
         other.shape()  # as beside the one that was chosen
         if _promises_nothing(other, search):
             continue
