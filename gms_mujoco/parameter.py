@@ -32,3 +32,9 @@ class Parameter:
     share: bool = False
     at_least: str = ""
     doc: str = ""
+
+    @property
+    def is_velocity(self) -> bool:
+        """Whether it is one, which may be any by orders of magnitude: zero is far from all of them, no unknown, and
+        marks no strength."""
+        return self.unit == "rad/s"

@@ -99,11 +99,11 @@ class JointFits:
 
         Those with a speed have that of the effect, or a typical one.
         """
-        if plant is not None and effect.name in plant:
+        if effect.name not in FORMS or (plant is not None and effect.name in plant):
             return [{}]
-        units = {p.name: p.unit for p in effect.parameters if p.unit == "rad/s"}
+        units = {p.name: p.unit for p in effect.parameters if p.is_velocity}
         speeds = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
-        return [{k: v * speeds.get(k, 1.0) for k, v in form.items()} for form in FORMS.get(effect.name, ({},))]
+        return [{k: v * speeds.get(k, 1.0) for k, v in form.items()} for form in FORMS[effect.name]]
 
     def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.

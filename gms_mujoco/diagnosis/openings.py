@@ -13,6 +13,7 @@ from ..identification.least_squares import nudge
 from ..identification.refine import refined
 from ..identification.screen import Candidate, Screen
 from ..plant import Plant
+from ..progress import Progress, silent
 from .friction_shape import following, spring_instead, straightened
 from .joint_fits import JointFits, Rough
 from .judgement import LEAST_SHARE, left_of
@@ -74,7 +75,7 @@ def beside_following(now: FitResult, fits: JointFits, addable: Sequence[type[Eff
     return [(c.effect.name, *fits.roughly(near, c)) for c in seen if c is not None and 1 - c.gain < share]
 
 
-def afresh(now: FitResult, fits: JointFits, candidates: Sequence[Candidate]) -> list[Rough]:
+def afresh(now: FitResult, fits: JointFits, candidates: Sequence[Candidate], report: Progress = silent) -> list[Rough]:
     """Rough fits from the beginning with each of the candidates, of those that leave less.
 
     A plant that has bent far to hide an effect may not find back from where it is, and no linear refit promises then
@@ -84,6 +85,7 @@ def afresh(now: FitResult, fits: JointFits, candidates: Sequence[Candidate]) -> 
     cost = near.cost(there)
     out = []
     for c in candidates:
+        report(0.9, f"trying {c.effect.name} from the beginning")
         begun = fits.afresh(now.plant, c.effect, fits.forms(c.effect, now.plant), cost)
         out += [(c.effect.name, m, x) for m, x in begun if m.cost(x) < cost]
     return out

@@ -306,8 +306,7 @@ class Search:
         """Rough fits from the beginning, see `openings`; none at the noise floor."""
         if self.at_floor or self.fits.simulated or self.quick:
             return []
-        report(0.9, "trying from the beginning")
-        return afresh(self.steps[-1].result, self.fits, candidates)
+        return afresh(self.steps[-1].result, self.fits, candidates, report)
 
     def _beyond(self, trials: Sequence[Trial]) -> Hint | None:
         """What is in no catalogue and leaves much less than the best of the trials, short of the noise floor."""

@@ -6,6 +6,7 @@ constexpr double kFraction = 0.25;  // of 1/w, the longest stretch in which a co
 constexpr int kMostStretches = 64;
 constexpr int kMostContacts = 8;  // in one stretch; more is chatter within rounding
 constexpr double kInstant = 1e-12;  // of a stretch, within which the instant of a contact is found
+constexpr int kMostLooks = 200;     // for it: every fourth halves what is left
 
 int n_state(int) { return gms::kHiddenState; }
 int n_memory(int) { return 1; }
@@ -53,7 +54,7 @@ struct Coupling {
   double until_beyond(int side, gms::Relative r, double a, double t, gms::Relative end) const {
     const double least = kInstant * t;
     double inside = 0, outside = t, now = t;
-    for (int i = 1; outside - inside > least; i++) {
+    for (int i = 1; i <= kMostLooks && outside - inside > least; i++) {
       const double p = press(side, end), v = end.velocity;
       const double within = side == 0 ? half - std::fabs(end.position) : side * p;
       const double rate = side == 0 ? -std::copysign(1, end.position) * v

@@ -154,7 +154,7 @@ def strengths(effect: type[Effect]) -> list[Parameter]:
     """Parameters at whose zero the effect is absent; none of a general law of friction, which is there or is not."""
     if effect.name in GENERAL_LAWS:
         return []
-    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase" and p.unit != "rad/s"]
+    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase" and not p.is_velocity]
 
 
 def is_present(effect: Effect) -> bool:
