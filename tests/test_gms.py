@@ -237,6 +237,35 @@ def test_what_is_left_out_for_speed_changes_no_bit(elements, exponent, slips_bac
     assert np.array_equal(alone.states, beside.states[:, : alone.states.shape[1]])
 
 
+@given(
+    slips_back=st.integers(0, 1),
+    level=st.floats(-0.6, 0.6),
+    stiffening=st.integers(0, 1),
+    dropping=st.integers(0, 1),
+    pace=st.floats(1e-3, 30.0),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=60, deadline=None)
+def test_an_element_does_the_same_by_itself_and_beside_others(slips_back, level, stiffening, dropping, pace, seed):
+    """Four of five are followed at once, whatever friction does in either direction, and the last by itself."""
+    rng = np.random.default_rng(seed)
+    stiffness, share = rng.uniform(0.02, 1, 5), rng.dirichlet(np.ones(5))
+    v = pace * np.cumsum(rng.normal(size=400)) * 0.05
+    t = np.arange(400) * 1e-3
+
+    def forces(first):
+        law = effects.GMS(
+            stiffness=np.roll(stiffness, -first), fraction=np.roll(share, -first), coulomb=FC, static=FS,
+            stribeck_velocity=VS, attraction=1.0, slips_back=slips_back,
+        )  # fmt: skip
+        uneven = effects.AsymmetricFriction(level=level, stiffening=stiffening, dropping=dropping)
+        return (Plant.axis() + law + uneven).joint().elements(0, t, np.cumsum(v) * 1e-3, v)
+
+    told = forces(0)
+    for first in range(1, 5):
+        assert np.array_equal(np.roll(told, -first, axis=1), forces(first))
+
+
 @pytest.mark.parametrize("step, close", [(1e-5, 1e-4), (5e-4, 5e-3)])
 def test_by_the_letter_an_element_slips_back_where_the_falling_level_overtakes_it(step, close):
     """It has slid so slowly that it carries the static level, and turns round faster than its spring unwinds."""

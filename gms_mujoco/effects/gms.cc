@@ -46,8 +46,8 @@ struct Way {
   double direction, distance;
   double along, against;  // multipliers of the level along the motion, and of what is carried against it
   double lowest;          // what is carried at most against it, at rest, of the fraction; below 0
+  double gives_way;       // beyond what an element slips at once, of the fraction; below 0
   double kept;            // share that is left of what has slipped against it: its level falls at once
-  bool gives_way;         // whether an element with more slips
   double level, carried;  // the same at its speed, along the motion and against it
   double left;            // of a difference to that, what has not decayed
 
@@ -70,48 +70,76 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
   // Against the motion counts what the other direction has left, where that is carried over a reversal.
   const double against = at.drops ? scale : other;
   const bool falls = at.drops && scale < other;  // in its level alone at once, as a whole where it gives way
-  return {back ? -1.0 : 1.0, at.stiffness_at(m.displacement) * std::fabs(m.displacement), scale, against,
-          -p[2 * n + 1] * against, falls && !at.stiffens ? scale / other : 1, falls && at.stiffens, 0, 0, 0};
+  const double lowest = -p[2 * n + 1] * against;
+  return {back ? -1.0 : 1.0, at.stiffness_at(m.displacement) * std::fabs(m.displacement), scale, against, lowest,
+          falls && at.stiffens ? lowest : -kFar, falls && !at.stiffens ? scale / other : 1, 0, 0, 0};
 }
 
-// One element: it sticks or slides at the level, of which `left` is what has not decayed over the interval. Without
-// branches, so that compilers take several at a time and nobody has to guess what an element does. kBack: by the letter,
-// whatever is beyond its level slips. kEven: friction is alike in both directions, and what can happen only where it is
-// not is left out, to the same bit.
-template <bool kBack, bool kEven>
-inline void follow(const Way& x, double stiffness, double fraction, double* force, double* slip) {
+constexpr int kBlock = 4;  // elements that are followed at once: as many as a vector of AVX holds
+
+// A number, or one for each of several elements, which processors take at once.
+template <int N>
+struct Values {
+  using Type = double;
+};
+#ifdef __GNUC__
+template <>
+struct Values<kBlock> {
+  using Type = double __attribute__((vector_size(kBlock * sizeof(double)), aligned(sizeof(double)), may_alias));
+};
+#endif
+
+// Elements: they stick or slide at the level, of which `left` is what has not decayed over the interval. Without branches,
+// so that one does not wait for another and nobody has to guess what it does. kBack: by the letter, whatever is beyond its
+// level slips. kEven: friction is alike in both directions, and what can happen only where it is not is left out, to the
+// same bit.
+template <bool kBack, bool kEven, class T>
+inline void follow(const Way& x, T stiffness, T fraction, T* force, T* slip) {
   // Forces here grow in the direction of motion.
-  const double before = x.direction * *force * (kEven || *slip != -x.direction ? 1.0 : x.kept);
-  const double limit = fraction * x.level, carried = kEven ? -limit : fraction * x.carried;
-  const double lowest = fraction * x.lowest, stuck = before + stiffness * x.distance;
+  T before = x.direction * *force;
+  if (!kEven) before *= *slip == -x.direction ? x.kept : 1.0;
+  const T limit = fraction * x.level, carried = kEven ? -limit : fraction * x.carried;
+  const T lowest = fraction * x.lowest, stuck = before + stiffness * x.distance, none = {};
   // An element that reaches its limit inside the interval slides at it for the rest. One that has slipped before, or that
   // the level has dropped below, keeps its force and relaxes. One that has reversed sticks again. What it carries from
   // before falls to what friction now lets it carry at rest and relaxes to what it would while sliding, and it sticks:
   // whether a limit that drops, with the speed or the load, overtakes a force that unwinds is a matter of noise and of
   // the step. Where it comes to a direction in which it is weaker as a whole it gives way instead.
-  const bool goes_on = *slip == x.direction, below = stuck < lowest;
-  const bool back = kBack & (stuck < -limit), gives_way = !kEven & x.gives_way & below;
-  const bool slips = goes_on | back | (stuck > limit) | gives_way;
-  const double least = back ? -2 * limit : gives_way ? lowest - limit : 0;
-  const double beyond = before - limit, held = below ? lowest : stuck;
-  const double over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : 0;
+  const auto goes_on = *slip == x.direction;
+  auto slips = goes_on | (stuck > limit);
+  T least = none;
+  if (!kEven) {
+    const auto gives_way = stuck < fraction * x.gives_way;
+    slips |= gives_way;
+    least = gives_way ? lowest - limit : none;
+  }
+  if (kBack) {
+    const auto back = stuck < -limit;
+    slips |= back;
+    least = back ? -2 * limit : least;
+  }
+  const T beyond = before - limit, held = stuck < lowest ? lowest : stuck;
+  const T over = goes_on | (beyond > least) ? beyond : least, under = held < carried ? held - carried : none;
   *force = x.direction * (slips ? limit + over * x.left : held - under * (1 - x.left));
-  *slip = slips ? x.direction : 0;
+  *slip = slips ? x.direction : 0.0;
 }
-
-constexpr int kBlock = 4;  // elements that are followed at once: as many as a vector of AVX holds
 
 // N elements. What is read is read before anything is written, so that `state` and `next` may be the same. Returns `total`
 // with their torques.
 template <int N, bool kBack, bool kEven>
 inline double block(const double* __restrict stiffness, const double* __restrict fraction, const Way& x,
                     const double* state, double* next, double total) {
+  using T = typename Values<N>::Type;
+  constexpr int kSize = sizeof(T) / sizeof(double);
   double force[N], slip[N];
   for (int i = 0; i < N; i++) {
     force[i] = state[2 * i + kForce];
     slip[i] = state[2 * i + kSlip];
   }
-  for (int i = 0; i < N; i++) follow<kBack, kEven>(x, stiffness[i], fraction[i], &force[i], &slip[i]);
+  for (int i = 0; i < N; i += kSize) {
+    follow<kBack, kEven, T>(x, *reinterpret_cast<const T*>(stiffness + i), *reinterpret_cast<const T*>(fraction + i),
+                            reinterpret_cast<T*>(force + i), reinterpret_cast<T*>(slip + i));
+  }
   for (int i = 0; i < N; i++) {
     next[2 * i + kForce] = force[i];
     next[2 * i + kSlip] = slip[i];
