@@ -11,7 +11,8 @@ import scipy
 from numpy.typing import NDArray
 
 from ..fit_result import FitResult
-from ..identification.inverse import Observation, mean_torque, second_difference
+from ..identification.between_samples import mean_torque, second_difference
+from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
 from .history import carried, faded, way
 

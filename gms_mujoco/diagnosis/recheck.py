@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..fit_result import FitResult
+from ..identification.between_samples import mean_torque
 from ..identification.candidates import absent
 from ..identification.held_out import HeldOut, p_value, scatter
-from ..identification.inverse import Observation, mean_torque
+from ..identification.inverse import Observation
 from ..identification.linear_model import LinearModel, cross_validated
 from ..identification.misfit import Misfit
 from ..identification.refine import refine

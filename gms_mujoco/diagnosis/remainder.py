@@ -9,8 +9,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..identification.between_samples import mean_torque
 from ..identification.frf_observation import FrfObservation, Seen
-from ..identification.inverse import Observation, mean_torque
+from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
 from ..identification.servo_observation import ServoObservation, errors_of
 from ..plant import Plant

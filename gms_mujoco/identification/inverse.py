@@ -14,7 +14,6 @@ sides then pass the same zero-phase low-pass, which sets the bandwidth in which 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,87 +25,31 @@ from numpy.typing import NDArray
 from .. import native
 from ..comparison.score import TORQUE
 from ..effect import Effect
-from ..logs.encoder import between_counts, count_size
+from ..logs.encoder import between_counts
 from ..native import series
 from ..plant import Plant
 from ..recent import kept
 from ..record import Record
+from .between_samples import delivered, mean_torque, moved, rms_torque, second_difference
 from .grid import Grid, Path, Sparse
+from .readings import Readings, smoothed
+from .rest import Rest
 
 Array = NDArray[np.float64]
 
 
 FINE = 8  # parts of a sample in which the drive's torque is followed
 _STRAIGHT = 1e-3  # of the torque: bends between samples that do more are followed
-_BINS = 25  # of a spectrum's frequencies, whose median is taken
-_CLEAR = 4  # times the noise, above which a spectrum is the motion's
-_RIPPLE = 100.0  # dB, of the filter that takes the noise off the position
 _MOST_SKIPPED = 5  # samples between two of a sparse look
-_STUCK = 1.5  # counts of the encoder
-_WANDERS = 1.5  # times the mean square difference of neighbouring readings, that of those further apart
 _STEADY = 0.03  # of the rms torque: what it deviates by over a period of the bandwidth
-_STILL = 1e-5  # of the rms motion from sample to sample: an axis that moves less, and is seen to, rests
-_AT_ONCE = 30.0  # times what it moved in the sample before: it stopped, and did not swing out
 _MOSTLY = 0.5  # of what the low-pass sees
 _EASED = 0.5  # of a period of the highest frequency that the low-pass lets through
-_REST = 0.125  # of the same: the shortest rest of an axis that comes to rest at once
 _SEEN = 1.5  # periods of the highest frequency that the low-pass lets through, either way, that it sees
 _SLOW = 0.1  # of the rms speed: an axis that moves faster slides
 SKEW = 0.1  # of a sample, that torque and position of any log may be apart
 # Samples that a torque may have acted before its row: a command, one that was measured after, one that came late.
 _EARLY = (SKEW, 1.1, 5.1)
 _READ = (SKEW, 0.6)  # samples between the instants at which torque and position were read
-_WHOLE = 0.45  # of the sampling rate: what is cut off above it is not worth a filter
-
-
-def held_mean(u: Array) -> Array:
-    """Triangular mean of a torque held from sample to sample: (u[k-1] + u[k]) / 2."""
-    out = u.copy()
-    out[1:] = 0.5 * (u[1:] + u[:-1])
-    return out
-
-
-def read_mean(u: Array) -> Array:
-    """Triangular mean of a torque that was read at the samples: (u[k-1] + 10 u[k] + u[k+1]) / 12."""
-    out = u.copy()
-    out[1:-1] = (u[:-2] + 10 * u[1:-1] + u[2:]) / 12
-    return out
-
-
-def moved(x: Array, rows: int) -> Array:
-    """What a series (n, ...) will be so many rows later, or was where that is less than 0."""
-    here = np.clip(np.arange(len(x)) + rows, 0, len(x) - 1)
-    return x[here] if rows else x
-
-
-def rms_torque(record: Record) -> float:
-    """Root mean square of the torque of a record [N m]."""
-    return float(np.sqrt(np.mean(record.torque**2)))
-
-
-def mean_torque(record: Record, torque: Array | None = None) -> Array:
-    """Triangular mean of the torque of a record, or of another that comes in the same way [N m]."""
-    u = record.torque if torque is None else torque
-    return read_mean(u) if record.sensed else held_mean(u)
-
-
-def delivered(plant: Plant, record: Record, parts: int) -> Array:
-    """(parts * n,) mean torque that the drive of a plant delivered over each of so many parts of a sample [N m]."""
-    return plant.delivered(record.held(parts), record.sample_time / parts, 1)
-
-
-def smooth_mean(f: Array) -> Array:
-    """Triangular mean of a torque that varies linearly between samples."""
-    out = f.copy()
-    out[1:-1] = (f[:-2] + 4 * f[1:-1] + f[2:]) / 6
-    return out
-
-
-def second_difference(q: Array, h: float) -> Array:
-    """(q[k+1] - 2 q[k] + q[k-1]) / h^2, zero at both ends [rad/s^2]."""
-    out = np.zeros_like(q)
-    out[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / h**2
-    return out
 
 
 @dataclass(frozen=True)
@@ -197,31 +140,20 @@ class Observation:
         return self.record.time[self.index]
 
     @cached_property
-    def _count(self) -> float:
-        return count_size(self.record)
+    def _readings(self) -> Readings:
+        return Readings(self.record)
 
     @cached_property
-    def at_rest(self) -> NDArray[np.bool_]:
-        """(n,) whether the axis does not move at all until the next sample, in a log that would show it if it did.
-
-        Where it comes to rest at once its contacts do not bend, as those of most simulations, and friction is whatever
-        holds the axis. One that creeps, or swings out, tells of its friction as long as it moves.
-        """
-        moved = np.abs(np.diff(self.record.position))
-        least = _STILL * float(np.sqrt(np.mean(moved**2)))
-        still = moved <= least
-        stops = np.flatnonzero(still[1:] & ~still[:-1])
-        fall = moved[stops] / np.maximum(moved[stops + 1], least / 10)
-        rigid = still.all() or (len(fall) > 0 and np.median(fall) > _AT_ONCE)
-        return np.append(still & (rigid and self._count <= least), False)
+    def rest(self) -> Rest:
+        """Where the axis rests, in periods of the highest frequency that the low-pass lets through."""
+        return Rest(self._readings, self._period)
 
     @cached_property
     def _asked(self) -> Array | None:
         if self.asked is not None:
             return self.asked
-        if not self.at_rest.any():
-            return None
-        return self._asked_beside(self.at_rest)
+        at_rest = self.rest.at_once
+        return self._asked_beside(at_rest) if at_rest.any() else None
 
     def _asked_beside(self, still: NDArray[np.bool_]) -> Array:
         """(n,) 0 where the axis rests, given the samples (n,) until the next of which it is still; 1 where it moves.
@@ -232,24 +164,13 @@ class Observation:
         """
         if not still.any():
             return np.ones(len(still))
-        away = scipy.ndimage.distance_transform_edt(~self._beside(still))  # [samples]
+        away = scipy.ndimage.distance_transform_edt(~self.rest.beside(still))  # [samples]
         return np.asarray(np.sin(np.pi / 2 * np.minimum(away / (_EASED * self._period), 1.0)) ** 2)
 
     @property
     def resting(self) -> NDArray[np.bool_]:
         """(n,) samples of which nothing is asked."""
         return np.zeros(len(self.record), bool) if self._asked is None else self._asked == 0
-
-    def _beside(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(n,) samples around which the axis rests in part, with those around which it may, as it comes to rest, sets
-        out or turns back, given the samples (n,) until the next of which it is still."""
-        turns = np.zeros(len(self.record), bool)
-        step = np.diff(self.record.position)
-        turns[1:-1] = step[1:] * step[:-1] < 0
-        return np.asarray(
-            scipy.ndimage.binary_dilation(still, [0, 1, 1, 1, 1])  # from one before a still interval to one after it
-            | scipy.ndimage.binary_dilation(turns, [1, 1, 1])
-        )
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
@@ -262,55 +183,24 @@ class Observation:
         """
         if self._asked is not None:
             return np.asarray(self.band(np.ones(len(self.record))) > _MOSTLY)
-        return np.asarray(~scipy.ndimage.maximum_filter1d(self._stuck, 2 * self._period + 1)[self.index])
+        return np.asarray(~scipy.ndimage.maximum_filter1d(self.rest.stuck, 2 * self._period + 1)[self.index])
 
     @property
     def _period(self) -> int:
         """Samples in a period of the highest frequency that the low-pass lets through."""
         return max(round(1 / (self.bandwidth * self.record.sample_time)), 1)
 
-    @cached_property
-    def _stuck(self) -> NDArray[np.bool_]:
-        """(n,) where the axis moves by no more than its encoder resolves for as long as that."""
-        return self._held(self._period)
-
-    def _held(self, samples: int) -> NDArray[np.bool_]:
-        """(n,) where it does so for so many samples around."""
-        return np.asarray(self._span(samples) <= self._within)
-
-    def _span(self, samples: int) -> Array:
-        """(n,) by how much the readings differ over so many samples around each [rad]."""
-        q, long = self.record.position, samples + 1
-        return np.asarray(scipy.ndimage.maximum_filter1d(q, long) - scipy.ndimage.minimum_filter1d(q, long))
-
-    @cached_property
-    def _within(self) -> float:
-        """By how much they do at rest [rad]: by counts of the encoder, or by as much noise, however that is made.
-
-        Friction that bends within that noise is no rest: readings that lie apart differ by more than neighbours then.
-        """
-        counts, noise = _STUCK * self._count, _STUCK * math.sqrt(12 * self._variance)
-        q, apart = self.record.position, self._period
-        if noise <= counts:
-            return counts
-        still = np.flatnonzero(self._span(apart)[apart:-apart] <= noise) + apart
-        before, after = q[still - apart // 2], q[still + apart // 2]
-        rests = np.sum((after - before) ** 2) <= _WANDERS * np.sum((q[still + 1] - q[still]) ** 2)
-        return noise if rests and len(still) > apart else counts
-
     @property
     def rests(self) -> bool:
         """Whether the axis rests within what its encoder resolves, and is asked about it."""
-        return self._asked is None and bool(self._stuck.any())
+        return self._asked is None and bool(self.rest.stuck.any())
 
     def without_rests(self) -> Observation:
         """The same observation, of which nothing is asked where the axis rests within what its encoder resolves, if
         only for a part of a period."""
         if self._asked is not None:
             return self
-        short = max(round(_REST * self._period), 1)
-        still = scipy.ndimage.maximum_filter1d(self._held(short), short + 1)
-        still[-1] = False
+        still = self.rest.briefly
         if not still.any():
             return self
         return replace(self, cutoff=self._cutoff, asked=self._asked_beside(still))
@@ -404,7 +294,7 @@ class Observation:
     @cached_property
     def position(self) -> Array:
         """(n,) position with the encoder's quantisation smoothed away [rad]."""
-        return self._smooth(self._read)
+        return smoothed(self._read, self.record.sample_time, self._cutoff)
 
     @cached_property
     def _read(self) -> Array:
@@ -412,7 +302,7 @@ class Observation:
         torque = self.record.torque - np.mean(self.record.torque)
         mean, square = (scipy.ndimage.uniform_filter1d(x, self._period) for x in (torque, torque**2))
         steady = square - mean**2 < (_STEADY * self._torque) ** 2
-        return between_counts(self.record.position, self._count, steady, self._period)
+        return between_counts(self.record.position, self._readings.count, steady, self._period)
 
     @cached_property
     def velocity(self) -> Array:
@@ -421,48 +311,7 @@ class Observation:
 
     @cached_property
     def _cutoff(self) -> float:
-        if self.cutoff:
-            return self.cutoff
-        f, density, noise = self._spectrum
-        said = np.flatnonzero(density > _CLEAR * self._variance * noise)
-        return max(float(f[said[-1]]) if len(said) else 0.0, 1.5 * self.bandwidth)
-
-    @cached_property
-    def _variance(self) -> float:
-        """Of the readings of the encoder, by its counts and by whatever else is white in them [rad^2]."""
-        f, density, noise = self._spectrum
-        high = (f > 0.25 / self.record.sample_time) & (density > 0)
-        variance = 0.0
-        if high.any():
-            # White noise of the position, and two ways for an acceleration to fall: what the upper half is made of.
-            shapes = np.stack([noise, np.ones_like(f), f**-2.0], 1)[high] / density[high, None]
-            scale = shapes.max(0)
-            variance = float(scipy.optimize.nnls(shapes / scale, np.ones(len(shapes)))[0][0] / scale[0])
-        return max(variance, (self.record.resolution or 0.0) ** 2 / 12)
-
-    @cached_property
-    def _spectrum(self) -> tuple[Array, Array, Array]:
-        """(k,) frequencies [Hz], spectral density there of the acceleration that the readings show, and that of white
-        noise of the position per variance; nothing of a record that is too short."""
-        h = self.record.sample_time
-        a = second_difference(self.record.position, h)[1:-1]
-        segment = min(1024, len(a) // 4)
-        if segment < 8 * _BINS:
-            return np.empty(0), np.empty(0), np.empty(0)
-        f, density = scipy.signal.welch(a, 1 / h, nperseg=segment, average="median", detrend="linear")
-        f, density = f[1:-1], scipy.signal.medfilt(density, _BINS)[1:-1]
-        return f, density, 2 / h**3 * (2 * np.sin(np.pi * f * h)) ** 4
-
-    def _smooth(self, x: Array) -> Array:
-        edge = 1.25 * self._cutoff * self.record.sample_time  # of the samples
-        if edge > _WHOLE:
-            return x
-        # A ripple in the passband would shorten every stroke, and make springs look stiffer.
-        length, beta = scipy.signal.kaiserord(_RIPPLE, 0.8 * edge)
-        half = min(max(length // 2, 2), len(x) // 4)
-        head, tail = 2 * x[0] - x[half:0:-1], 2 * x[-1] - x[-2 : -half - 2 : -1]
-        kernel = scipy.signal.firwin(2 * half + 1, edge, window=("kaiser", beta), fs=1.0)
-        return scipy.signal.oaconvolve(np.concatenate([head, x, tail]), kernel, "valid")
+        return self.cutoff or max(self._readings.clear_up_to, 1.5 * self.bandwidth)
 
     @cached_property
     def acceleration(self) -> Array:

@@ -14,9 +14,10 @@ from ..native import Joint, Motion
 from ..plant import Plant
 from ..record import Record
 from ..threads import each
+from .between_samples import delivered, mean_torque, rms_torque, second_difference
 from .frf_observation import Seen
 from .grid import Grid, Path
-from .inverse import Observation, delivered, mean_torque, rms_torque, second_difference
+from .inverse import Observation
 from .variances import likeliest
 
 Array = NDArray[np.float64]

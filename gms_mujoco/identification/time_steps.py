@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from .. import native
 from ..native import series
 from ..plant import Plant
+from .between_samples import delivered, moved
 from .frf_observation import Seen
 from .grid import Grid
-from .inverse import FINE, Observation, delivered, moved
+from .inverse import FINE, Observation
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, listing
-from ..identification.inverse import Observation, second_difference, smooth_mean
+from ..identification.between_samples import second_difference, smooth_mean
+from ..identification.inverse import Observation
 from ..identification.noise import choose_bandwidth
 from ..record import Record
 

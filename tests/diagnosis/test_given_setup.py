@@ -10,7 +10,7 @@ from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.given_setup import corrected_setup
 from gms_mujoco.errors import DataError
-from gms_mujoco.identification.inverse import second_difference
+from gms_mujoco.identification.between_samples import second_difference
 from gms_mujoco.logs.robot import Payload, Robot, Setup
 from gms_mujoco.record import Record
 

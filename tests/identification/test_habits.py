@@ -74,7 +74,7 @@ def test_torques_that_came_late_over_a_bus_are_taken_when_they_acted(rows: int) 
 def test_friction_that_does_not_bend_holds_whatever_it_has_to_and_stops_the_axis_in_a_step() -> None:
     data = rigid()
     seen = in_steps(observe(data.fit, J), 0, (1, 0))
-    assert all(o.at_rest.mean() > 0.01 for o in seen)
+    assert all(o.rest.at_once.mean() > 0.01 for o in seen)
     found = fit_observations(Plant.axis(J) + effects.Coulomb() + effects.Viscous(), seen)
     assert found.error < 1e-9
     assert found.plant["coulomb"].coulomb == pytest.approx(LEVEL, rel=1e-9)

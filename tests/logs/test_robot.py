@@ -11,7 +11,7 @@ import gms_mujoco as gms
 from gms_mujoco import formats
 from gms_mujoco.dataset import joints, load
 from gms_mujoco.errors import DataError
-from gms_mujoco.identification.inverse import second_difference
+from gms_mujoco.identification.between_samples import second_difference
 from gms_mujoco.logs.robot import Payload, Robot, Setup
 from gms_mujoco.record import Record
 
