@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from bench_axes import Axis
 
-from gms_mujoco.diagnose import Diagnosis
+from gms_mujoco.diagnosis.findings import Diagnosis
 
 # The same torque by another name, on motion like this: an answer that counts as right.
 SAME = {"current_loop_lag": {"delay"}, "delay": {"current_loop_lag"}}

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gms_mujoco.diagnose import Diagnosis
+from gms_mujoco.diagnosis.findings import Diagnosis
 
 Array = NDArray[np.float64]
 

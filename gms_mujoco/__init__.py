@@ -19,7 +19,8 @@ from .bench import measure
 from .compare import Comparison, compare
 from .dahl_resonance import DahlReading, identify_dahl
 from .dataset import Dataset, load
-from .diagnose import Diagnosis, diagnose
+from .diagnose import diagnose
+from .diagnosis.findings import Diagnosis
 from .effect import Effect
 from .elements import choose_elements
 from .engine import attach, friction, install_callback, remove_callback

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from .dahl_resonance import DahlReading
-    from .diagnose import Diagnosis
+    from .diagnosis.findings import Diagnosis
 
 PROGRAM = "gms-mujoco"
 _MOST_ELEMENTS = 32

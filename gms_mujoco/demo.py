@@ -10,7 +10,8 @@ import numpy as np
 
 from . import effects
 from .dataset import load, save
-from .diagnose import Diagnosis, diagnose
+from .diagnose import diagnose
+from .diagnosis.findings import Diagnosis
 from .effect import Effect
 from .errors import GmsError
 from .excitation import multisine

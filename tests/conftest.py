@@ -9,7 +9,8 @@ import servos
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import load, save
-from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate

@@ -11,7 +11,8 @@ import test_compare_servo as known
 
 from gms_mujoco import cli
 from gms_mujoco.dataset import load, save
-from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.identification.candidates import applicable
 from gms_mujoco.identification.observe import observe

@@ -26,7 +26,7 @@ from .page_servo import servo_runs
 
 if TYPE_CHECKING:
     from ..compare import Comparison
-    from ..diagnose import Diagnosis
+    from ..diagnosis.findings import Diagnosis
 
 VERDICTS = {
     "adequate": "The baseline model explains the data down to the noise. Nothing was added.",

@@ -23,7 +23,7 @@ from .tour_servo import servo_baseline, servo_run
 
 if TYPE_CHECKING:
     from ..compare import Comparison, RecordComparison
-    from ..diagnose import Diagnosis
+    from ..diagnosis.findings import Diagnosis
 
 Array = NDArray[np.float64]
 Shown = list[tuple[str, "Comparison", str]]  # name, comparison and colour of each model

@@ -15,7 +15,7 @@ from .page_servo import GOAL
 
 if TYPE_CHECKING:
     from ..compare import Comparison
-    from ..diagnose import Diagnosis
+    from ..diagnosis.findings import Diagnosis
 
 Shown = list[tuple[str, "Comparison", str]]  # name, comparison and colour of each model
 

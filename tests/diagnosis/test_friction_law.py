@@ -12,7 +12,8 @@ from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKN
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
-from gms_mujoco.diagnose import Diagnosis, diagnose
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.diagnosis.friction_law import _NEAR, FrictionLaw, _strays, choices, much_better, with_law
 from gms_mujoco.diagnosis.judgement import Trial
 from gms_mujoco.diagnosis.search import Search

@@ -6,7 +6,7 @@ from test_report import _sound
 
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import load
-from gms_mujoco.diagnose import Diagnosis
+from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.views import report
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recordings import last_values
 
-from gms_mujoco.diagnose import Diagnosis
+from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.views import tour
 
 
