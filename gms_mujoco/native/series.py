@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import Joint, library
+from .joint import Joint
+from .shared_library import library
 
 Array = NDArray[np.float64]
 
