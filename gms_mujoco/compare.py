@@ -109,6 +109,11 @@ class Comparison:
         return (*self.records, *self.frfs, *self.servos)
 
     @property
+    def loudest(self) -> str:
+        """Name of the record or response that most of the squared error stands in."""
+        return max(self.rows, key=lambda r: float(r.residual @ r.residual)).name
+
+    @property
     def timed(self) -> tuple[RecordComparison | ServoComparison, ...]:
         """Those of what was measured in time."""
         return self.records or self.servos

@@ -12,7 +12,7 @@ from . import effects
 from .compare import compare_observations, quick_error
 from .comparison.score import relative_error
 from .dataset import Dataset
-from .diagnosis.conclusion import conclude, lowered
+from .diagnosis.conclusion import conclude, fits_alone, lowered
 from .diagnosis.custom import Shape, column, name_of
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
@@ -25,6 +25,7 @@ from .diagnosis.paths import searched
 from .diagnosis.recheck import drop_last, join_laws
 from .diagnosis.search import Search
 from .diagnosis.steps import Step
+from .diagnosis.unfitted import shown_unfitted
 from .errors import DataError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
@@ -60,7 +61,8 @@ def diagnose(
     select records where there are some), significantly after control of the false discovery rate over the whole
     catalogue. Where that ends above the noise floor, it goes on from effects that were passed over for one that left
     hardly less, and stays with the path that explains most. The validate records are scored after every choice and
-    decide nothing; where they contradict an effect, the verdict and a note say so.
+    decide nothing; where they contradict an effect, the verdict and a note say so. Where they alone show that something
+    is missing, the remainder says which effect would explain most of it, and nothing is added.
 
     The default baseline has `gms` friction. Where that leaves more than noise does, other laws in its place are fitted
     too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
@@ -148,9 +150,11 @@ def diagnose(
             for name, p, near in search.left_out()
         )
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
-    hint = search.hint.said if search.hint else ""
-    said = (late, hint, would_be_better(search) if plant and not search.at_floor else "")
-    found = conclude(steps, rejected, floor, search, moments, said)
+    hint = search.hint
+    if hint is None and comparison and fits_alone(search, steps):
+        hint = shown_unfitted(search, last, validate, comparison.loudest)
+    said = (late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
+    found = conclude(steps, rejected, floor, search, moments, said, hint)
     found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
     if candidates:
         report(0.95, "scoring your candidates")

@@ -129,6 +129,12 @@ def test_what_friction_does_below_a_count_is_no_part_of_what_the_motion_determin
     assert error > 2 * rests.determined[0] and floor == rests.determined[1] < rests.noise_floor
 
 
+def test_the_loudest_is_where_most_of_the_squared_error_stands(healthy: Comparison) -> None:
+    for loud in healthy.records:
+        off = [replace(r, needed=r.needed + LEVEL * (r is loud)) for r in healthy.records]
+        assert replace(healthy, records=tuple(off)).loudest == loud.name
+
+
 def test_the_dictionary_has_the_keys_of_the_contract(healthy: Comparison) -> None:
     table = healthy.to_dict()
     assert {"torque_error", "simulation_error", "noise_floor", "simulation_window_s", "bandwidth_hz"} <= set(table)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import effects
 from ..compare import Comparison
 from ..identification.undetermined import never_slips
+from .beyond import Hint
 from .findings import Diagnosis, Rejected
 from .judgement import AT_FLOOR
 from .remainder import describe, loudest
@@ -34,6 +35,7 @@ def conclude(
     search: Search,
     moments: str,
     said: tuple[str, ...],
+    hint: Hint | None,
 ) -> Diagnosis:
     """The verdict on a search that has ended, what remains, and what to measure next.
 
@@ -44,6 +46,7 @@ def conclude(
         search: that has ended.
         moments: since when the fit records are off the plant, in words; empty where they are not.
         said: sentences on what remains, the first of them on what had been found last.
+        hint: on what explains more than any effect that was added.
     """
     last = steps[-1].result
     negligible = max(o.negligible for o in search.seen)
@@ -72,8 +75,8 @@ def conclude(
         )
     elif stuck := never_slips(last.plant, last.misfit.observations):
         following = stuck
-    elif search.hint:
-        following = search.hint.experiment
+    elif hint:
+        following = hint.experiment
     elif not at_floor:
         record, error = _loudest(search, steps[-1], left), steps[-1].validate_error
         following = _to_isolate(rejected, record, error, _comes_back(steps[-1]))
@@ -83,11 +86,20 @@ def conclude(
     return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
 
 
+def fits_alone(search: Search, steps: Sequence[Step]) -> bool:
+    """Whether the last plant is at the noise floor of what was fitted, and far from that of new records."""
+    last = steps[-1]
+    if last.comparison is None or not (search.at_floor or last.result.error <= _CLOSE * last.result.floor):
+        return False
+    error, floor = last.comparison.determined
+    return error > max(_NEAR_FLOOR * floor, *(o.negligible for o in search.seen))
+
+
 def _loudest(search: Search, step: Step, left: Sequence[Array]) -> str:
     """Name of the record that most of what remains stands in: of those that were not fitted, where the others are told
     as well as noise allows."""
     if search.at_floor and step.comparison is not None:
-        return max(step.comparison.rows, key=lambda r: float(r.residual @ r.residual)).name
+        return step.comparison.loudest
     return loudest(step.result.misfit.observations, left)
 
 

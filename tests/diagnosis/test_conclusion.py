@@ -3,13 +3,12 @@
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gms_mujoco import effects
-from gms_mujoco.diagnosis.conclusion import _as_good, _comes_back, _loudest, _to_isolate
+from gms_mujoco.diagnosis.conclusion import _as_good, _comes_back, _to_isolate
 from gms_mujoco.diagnosis.findings import Rejected
 from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.identification.inverse import Observation
@@ -43,14 +42,6 @@ def test_what_new_records_have_too_is_not_measured_again_in_the_same_way(
     assert _comes_back(step) == back
     said = _to_isolate([], "slow.csv", new, back)
     assert ("one thing changed at a time" in said) == back and "slow.csv" in said
-
-
-def test_the_loudest_of_what_was_not_fitted_may_be_a_frequency_response() -> None:
-    """Of responses alone, or of a servo, no record is compared."""
-    rows = [SimpleNamespace(name=f"{k}.csv", residual=np.full(3, k)) for k in (1.0, 3.0, 2.0)]
-    step: Any = SimpleNamespace(comparison=SimpleNamespace(records=(), rows=rows))
-    search: Any = SimpleNamespace(at_floor=True)
-    assert _loudest(search, step, []) == "3.0.csv"
 
 
 @pytest.mark.parametrize(
