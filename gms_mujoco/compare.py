@@ -23,7 +23,7 @@ from .identification.inverse import Observation
 from .identification.least_squares import solve
 from .identification.misfit import Misfit
 from .identification.noise import Noise, floor_residual, inertia_along, noise_of, sampling_residual
-from .identification.observe import Data, driven, observe
+from .identification.observe import Data, driven, loaded, observe
 from .identification.servo_observation import ServoObservation
 from .identification.time_steps import TOLD, as_fitted
 from .plant import Plant
@@ -263,7 +263,7 @@ def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = Non
     """
     driven(plant, data).complete()
     bandwidth = bandwidth or plant.provenance.get("bandwidth")
-    observations = observe(data, plant.inertia, bandwidth, plant)
+    observations = observe(loaded(data, plant), plant.inertia, bandwidth, plant)
     found = compare_observations(plant, observations)
     if TOLD not in plant.provenance:
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import with_exponents, without_vanished
 from .diagnosis.given_inertia import corrected, free, is_doubtful
-from .diagnosis.given_load import corrected_load
+from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_drive
 from .diagnosis.given_setup import corrected_setup
 from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
@@ -32,7 +33,7 @@ from .fit_result import FitResult, with_covariance
 from .identification.frf_observation import Seen, tells_another_noise
 from .identification.held_out import p_value
 from .identification.inverse import Observation
-from .identification.observe import driven, observe
+from .identification.observe import driven, loaded, observe
 from .identification.refine import finished, gone_on
 from .identification.screen import Screen
 from .identification.time_steps import as_fitted
@@ -114,19 +115,19 @@ def diagnose(
     as_given, law_said, near = runs, "", None
     for turn in range(_TURNS):
         runs, setup_said = (corrected_setup if as_given.robot else corrected_load)(as_given, start)
-        seen = observe(runs.fit, start.inertia, plant=near)
+        seen = observe(loaded(runs.fit, start), start.inertia, plant=near)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
-        select = observe(runs.select, start.inertia, bandwidth, near) if runs.select else []
-        search, other_law, inertia_said, late = _searched(seen, select, start, plant is None, without, report)
-        law_said = other_law or law_said
-        if setup_said and other_law:
+        select = observe(loaded(runs.select, start), start.inertia, bandwidth, near) if runs.select else []
+        ended = _searched(seen, select, start, plant is None, without, report)
+        search, law_said = ended.search, ended.law or law_said
+        if setup_said and ended.law:
             # A payload that was found beside another friction has made up for what that lacks.
             start = _with_law_of(search, start)
         elif turn + 1 < _TURNS and tells_another_noise(search.steps[-1].result.plant, seen):
             near = search.steps[-1].result.plant
         else:
             break
-    if inertia_said:
+    if ended.inertia:
         start = free(start)
     report(0.9, "scoring the validate records")
     last, moments = _ended(search, start)
@@ -134,9 +135,9 @@ def diagnose(
     search.steps = [replace(s, result=with_covariance(s.result)) for s in search.steps[:-1]]
     search.steps.append(replace(kept, result=last))
     noise = last.noise
-    validate = observe(runs.validate, start.inertia, bandwidth, last.plant) if runs.validate else []
-    validate = as_fitted(validate, last.plant.provenance)
-    begun = ". ".join(filter(None, (setup_said, inertia_said, law_said)))
+    new = loaded(runs.validate, last.plant)
+    validate = as_fitted(observe(new, start.inertia, bandwidth, last.plant) if new else [], last.plant.provenance)
+    begun = ". ".join(filter(None, (setup_said, ended.load, ended.inertia, law_said)))
     steps = tuple(
         replace(s, comparison=compare_observations(s.result.plant, validate, noise) if validate else None,
                 evidence=_evidence(search.steps[i - 1], s) if i else begun)
@@ -153,7 +154,7 @@ def diagnose(
     hint = search.hint
     if hint is None and comparison and fits_alone(search, steps):
         hint = shown_unfitted(search, last, validate, comparison.loudest)
-    said = (late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
+    said = (ended.late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
     found = conclude(steps, rejected, floor, search, moments, said, hint)
     found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
     if candidates:
@@ -163,13 +164,26 @@ def diagnose(
     return found
 
 
+class _Ended(NamedTuple):
+    """The search that has come furthest, and sentences on what it has come by.
+
+    Attributes:
+        search: of those with an inertia that is given or not, beside one law of friction or another.
+        law, inertia, load: where they are others than it began with; else empty.
+        late: on what was found last and taken away again.
+    """
+
+    search: Search
+    law: str
+    inertia: str
+    load: str
+    late: str
+
+
 def _searched(
     seen: Sequence[Seen], select: Sequence[Seen], start: Plant, free_law: bool, without: Collection[str],
     report: Progress,
-) -> tuple[Search, str, str, str]:  # fmt: skip
-    """The search that has come furthest, of those with an inertia that is given or not and beside one law of friction
-    or another; sentences on that law and that inertia where they are others than it began with, and on what was found
-    last and taken away again."""
+) -> _Ended:  # fmt: skip
     search = Search(seen, select, start, without)
     law_said, late = searched(search, free_law, part(report, 0.02, 0.85))
     inertia_said = ""
@@ -179,6 +193,12 @@ def _searched(
         other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9), search)
         if inertia_said := corrected(search, other):
             start, search, law_said, late = free(start), other, other_law or law_said, other_late
+    load_said = ""
+    if grows_with_drive(search):
+        other = Search(by_drive(seen), by_drive(select), start, without)
+        other_law, other_late = searched(other, free_law, part(report, 0.9, 0.9), search)
+        if load_said := grown(search, other):
+            search, seen, select, law_said, late = other, by_drive(seen), by_drive(select), other_law, other_late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
@@ -190,7 +210,7 @@ def _searched(
                 break
     if free_law and (joined := join_laws(search)):
         law_said = "; ".join(filter(None, (law_said, joined)))
-    return search, law_said, inertia_said, late
+    return _Ended(search, law_said, inertia_said, load_said, late)
 
 
 def _with_law_of(search: Search, plant: Plant) -> Plant:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Value = float | tuple[float, ...]
 
 KINDS = ("friction", "drive", "mechanics", "sensor", "controller")
+LOADED = "load_dependent_friction"  # which follows the signal `load`
 
 
 class Effect:

@@ -18,7 +18,7 @@ from .identification.frf_observation import FrfObservation, Seen, tells_another_
 from .identification.habits import as_logged, may_be_otherwise
 from .identification.least_squares import nudge
 from .identification.misfit import Misfit
-from .identification.observe import Data, driven, observe
+from .identification.observe import Data, driven, loaded, observe
 from .identification.refine import finish, refined, to_end
 from .identification.rough import begun, best_start
 from .identification.screen import Screen
@@ -95,6 +95,7 @@ def fit(
     report = progress or silent
     driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
+    data = loaded(data, plant)
     found = _fitted(plant, observe(data, plant.inertia, bandwidth), fixed, part(report, 0.0, 0.9))
     if tells_another_noise(found.plant, found.misfit.observations):
         weighed = observe(data, plant.inertia, bandwidth, found.plant)

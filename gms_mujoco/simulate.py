@@ -8,6 +8,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from .effect import LOADED
 from .errors import DataError, ModelError, listing
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
@@ -78,7 +79,8 @@ def simulate(
         resolution: position of one encoder count [rad]; None: not quantised.
         torque_noise, position_noise: standard deviations of white noise on what is logged [N m], [rad].
         seed: of the noise.
-        load, temperature: (n,) held like the torque [N m], [degC].
+        load, temperature: (n,) held like the torque [N m], [degC]. Friction that grows with a load does with the torque
+            where none is given.
         name, use: of the record.
 
     Raises:
@@ -102,9 +104,10 @@ def simulate(
     # A drive effect shapes the torque inside a sample: it acts at every time step.
     parts = substeps if plant.drive else 1
     delivered = plant.delivered(command, sample_time, parts)
+    carried = delivered if LOADED in plant else None
     motion = plant.joint().simulate(
         plant.driven_inertia, sample_time / parts, delivered, position, velocity, substeps // parts,
-        load=None if load is None else np.repeat(load, parts),
+        load=carried if load is None else np.repeat(load, parts),
         temperature=None if temperature is None else np.repeat(temperature, parts),
     )  # fmt: skip
     reached, speed = motion.position[::parts], motion.velocity[::parts]

@@ -1,19 +1,27 @@
-"""A load that is logged as what friction grows with, where the records say that it acts on the axis too."""
+"""The load that friction grows with: one that was logged and acts on the axis too, or the torque of the drive."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from .. import effects
 from ..dataset import Dataset
+from ..effect import LOADED
 from ..fit import fit_as_logged
 from ..fit_result import FitResult
+from ..identification.frf_observation import Seen
+from ..identification.held_out import p_value
 from ..identification.inverse import Observation
-from ..identification.observe import observe
+from ..identification.observe import loaded_by_drive, observe
 from ..identification.screen import Screen
 from ..plant import Plant
 from ..record import LOAD_ACTS, Record
-from .judgement import leaves_much_less
+from .judgement import FALSE_DISCOVERY_RATE, leaves_much_less
+from .search import Search
 
+_MUCH = 0.3  # of it, that friction has to take which grows with the torque of the drive
 _PROMISES = 0.1  # of the squared error, that a torque along with the load has to take beside a plant that has bent
 _WAYS = ("in its direction", "against it")
 
@@ -41,6 +49,37 @@ def corrected_load(runs: Dataset, start: Plant) -> tuple[Dataset, str]:
         f"{before.score.name} is {told(before.error)}, with it {told(after.error)}. Add load_acts = {sign} to [axis]"
     )
     return acting, said
+
+
+def by_drive(seen: Sequence[Seen]) -> list[Seen]:
+    """Observations of gears that transmit the torque of the drive; those whose load is known stay as they are."""
+    return [o.with_signals(loaded_by_drive(o.record).signals) if isinstance(o, Observation) else o for o in seen]
+
+
+def grows_with_drive(search: Search) -> bool:
+    """Whether friction that grows with the torque of the drive promises much beside the plant of a search that has
+    ended above the noise floor, of records that know of no load."""
+    last = search.steps[-1].result
+    seen = last.misfit.observations
+    if search.at_floor or not search.only_timed or LOADED in search.barred or LOADED in last.plant:
+        return False
+    if any(isinstance(o, Observation) and o.record.get("load") is not None for o in seen):
+        return False
+    screen = Screen(*last.misfit.onto(last.plant, last.vector, by_drive(seen)))
+    found = screen.candidate(effects.find(LOADED))
+    return found is not None and found.gain > _MUCH and p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE
+
+
+def grown(search: Search, other: Search) -> str:
+    """A sentence where a search in which friction may grow with the torque of the drive leaves much less with that;
+    else empty."""
+    before, after = search.steps[-1].result, other.steps[-1].result
+    if LOADED not in after.plant or not (leaves_much_less(before, after) and search.selects(after)):
+        return ""
+    return (
+        "No load was logged. Friction grows with the torque of the drive, which is taken for it: with that the "
+        f"{after.score.name} is {after.score.told(after.error)}, else {before.score.told(before.error)}"
+    )
 
 
 def _fitted(runs: Dataset, start: Plant) -> FitResult:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..effect import LOADED
 from ..fit_result import FitResult
-from ..identification.candidates import CONTAINED_LAWS, GENERAL_LAWS, LOADED, is_part_of_wave
+from ..identification.candidates import CONTAINED_LAWS, GENERAL_LAWS, is_part_of_wave
 from ..identification.frf_observation import Seen
 from ..identification.held_out import HeldOut, p_value
 from ..identification.inverse import Observation

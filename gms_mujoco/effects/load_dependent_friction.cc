@@ -19,8 +19,9 @@ const gms::Effect gms_effect_load_dependent_friction = {
     "Friction that grows with what the joint carries: the level of every friction law of the joint is multiplied by\n"
     "1 + c |L|, L being the normal load, or the torque that a gear transmits to its link: that of the drive less what\n"
     "the rotor and friction take, or the same, what the link needs. It is the signal `load` of a record (of a robot's\n"
-    "joint by inverse dynamics, the armature of the model being the rotor) and in MuJoCo what actuators, friction\n"
-    "and damping gave in the step before, less armature times acceleration.\n"
+    "joint by inverse dynamics, the armature of the model being the rotor), where none is logged the torque of the\n"
+    "drive, and in MuJoCo what actuators, friction and damping gave in the step before, less armature times\n"
+    "acceleration.\n"
     "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
     "Source: load-dependent friction of robot joints, Bittencourt and Gunnarsson, ASME J. Dyn. Sys. Meas. Control\n"
     "134 (2012).",

@@ -23,7 +23,7 @@ from ..record import Record
 from .coordinates import Coordinates
 from .least_squares import nudge
 from .misfit import Misfit
-from .observe import observe
+from .observe import loaded, observe
 from .refine import finished, refine
 from .time_steps import as_fitted
 
@@ -41,7 +41,7 @@ def refit(plant: Plant, records: Sequence[Record], bandwidth: float) -> FitResul
         records: SI units.
         bandwidth: [Hz].
     """
-    misfit = Misfit(plant, as_fitted(observe(records, plant.inertia, bandwidth), plant.provenance))
+    misfit = Misfit(plant, as_fitted(observe(loaded(records, plant), plant.inertia, bandwidth), plant.provenance))
     return finished(refine(misfit, nudge(misfit, misfit.vector(plant))))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import effects
-from ..effect import Effect
+from ..effect import LOADED, Effect
 from ..parameter import WAVES, Parameter
 from ..plant import Plant
 from .frf_observation import FrfObservation, Seen
@@ -33,7 +33,6 @@ _NOTHING = 1e-6  # of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 _STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
 _PART = 0.25  # of a wave, that a record passes through at least
-LOADED = "load_dependent_friction"  # stands behind friction that varies over the place, as a load does
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..dahl_resonance import identify_dahl
+from ..effect import LOADED
 from ..errors import DataError, ModelError
 from ..frf import FRF, usable
 from ..logs.plausible import filled
 from ..plant import Plant
 from ..record import Record
 from ..servo_run import ServoRun
+from .between_samples import mean_torque
 from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled
 from .inverse import Observation
 from .noise import choose_bandwidth, estimate_noise, rough_inertia
@@ -46,6 +49,19 @@ def driven(plant: Plant, data: Sequence[Data]) -> Plant:
 def _kind(value: object) -> str:
     """What something is, for a message."""
     return repr(value) if isinstance(value, str) else type(value).__name__
+
+
+def loaded(data: Sequence[Data], plant: Plant) -> list[Data]:
+    """The data as a plant sees them whose friction may grow with a load: where a record knows of none the torque of the
+    drive is taken for it, of which a gear transmits what the rotor leaves."""
+    return [loaded_by_drive(d) if LOADED in plant and isinstance(d, Record) else d for d in data]
+
+
+def loaded_by_drive(record: Record) -> Record:
+    """The record of a gear that transmits the torque of the drive; itself where its load is known."""
+    if record.get("load") is not None:
+        return record
+    return replace(record, signals={**record.signals, "transmitted_torque": mean_torque(record)})
 
 
 def observe(

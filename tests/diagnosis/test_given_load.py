@@ -1,16 +1,21 @@
-"""A load that is logged, and acts on the axis."""
+"""A load that is logged and acts on the axis, and friction that grows with one that is not."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, run
+from bench import HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, run
 
+from gms_mujoco import effects
+from gms_mujoco.compare import compare
 from gms_mujoco.dataset import Dataset, load, save
+from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.given_load import corrected_load
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
+from gms_mujoco.fit import fit
+from gms_mujoco.identification.observe import loaded_by_drive
 from gms_mujoco.record import Record
 
 
@@ -70,3 +75,29 @@ def test_a_load_that_acts_has_to_be_there(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("[axis]", "[axis]\nload_acts = 1"))
     with pytest.raises(DataError, match=r"axis\.load_acts: no record has a load"):
         load(tmp_path)
+
+
+GEARED = HEALTHY + effects.LoadDependentFriction(coefficient=0.15 / LEVEL)
+
+
+def test_friction_that_grows_with_the_torque_of_the_drive_needs_no_load_in_the_log() -> None:
+    runs = dataset(GEARED)
+    assert not any(r.get("load") is not None for r in runs.records)
+    d = diagnose(runs, UNKNOWN)
+    assert [e.name for e in d] == ["load_dependent_friction"] and d.verdict == "explained"
+    assert "No load was logged" in d.steps[0].evidence and "torque of the drive" in d.steps[0].evidence
+    assert float(np.asarray(d.found[0].coefficient)) == pytest.approx(0.15 / LEVEL, rel=0.1)
+    assert compare(d.plant, runs.validate).torque_error == pytest.approx(d.steps[-1].validate_error, rel=0.02)
+
+
+def test_a_fit_takes_the_torque_of_the_drive_where_no_load_was_logged() -> None:
+    start = GEARED.replace(effects.LoadDependentFriction(coefficient=0.05 / LEVEL))
+    found = fit(start, dataset(GEARED).fit)
+    grows = found.plant["load_dependent_friction"].coefficient
+    assert float(np.asarray(grows)) == pytest.approx(0.15 / LEVEL, rel=0.01)
+    assert found.error < 1.2 * found.floor
+
+
+def test_what_was_logged_as_a_load_is_kept() -> None:
+    for r in _loaded(0).records:
+        assert loaded_by_drive(r) is r
