@@ -21,8 +21,8 @@ from ..record import LOAD_ACTS, Record
 from .judgement import FALSE_DISCOVERY_RATE, leaves_much_less
 from .search import Search
 
-_MUCH = 0.3  # of it, that friction has to take which grows with the torque of the drive
 _PROMISES = 0.1  # of the squared error, that a torque along with the load has to take beside a plant that has bent
+_PROMISES_MUCH = 0.3  # of it, that friction which grows with the torque of the drive has to
 _WAYS = ("in its direction", "against it")
 
 
@@ -67,7 +67,9 @@ def grows_with_drive(search: Search) -> bool:
         return False
     screen = Screen(*last.misfit.onto(last.plant, last.vector, by_drive(seen)))
     found = screen.candidate(effects.find(LOADED))
-    return found is not None and found.gain > _MUCH and p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE
+    if found is None or found.gain < _PROMISES_MUCH:
+        return False
+    return p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE
 
 
 def grown(search: Search, other: Search) -> str:
