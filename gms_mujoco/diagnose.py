@@ -153,7 +153,7 @@ def diagnose(
     floor = comparison.noise_floor if comparison else steps[-1].result.floor
     hint = search.hint
     if hint is None and comparison and fits_alone(search, steps):
-        hint = shown_unfitted(search, last, validate, comparison.loudest)
+        hint = shown_unfitted(search, last, validate, comparison)
     said = (ended.late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
     found = conclude(steps, rejected, floor, search, moments, said, hint)
     found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
@@ -195,10 +195,11 @@ def _searched(
             start, search, law_said, late = free(start), other, other_law or law_said, other_late
     load_said = ""
     if grows_with_drive(search):
-        other = Search(by_drive(seen), by_drive(select), start, without)
+        carried = by_drive(seen), by_drive(select)
+        other = Search(*carried, start, without)
         other_law, other_late = searched(other, free_law, part(report, 0.9, 0.9), search)
         if load_said := grown(search, other):
-            search, seen, select, law_said, late = other, by_drive(seen), by_drive(select), other_law, other_late
+            (seen, select), search, law_said, late = carried, other, other_law, other_late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]

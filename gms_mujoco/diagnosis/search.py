@@ -14,7 +14,7 @@ from ..compare import compare_observations
 from ..effect import Effect
 from ..fit import fit_as_logged
 from ..fit_result import FitResult
-from ..identification.candidates import applicable, grows, is_open, joined
+from ..identification.candidates import applicable, is_open, joined
 from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.habits import EARLY_SHARE, as_logged
 from ..identification.held_out import HeldOut, p_value
@@ -26,7 +26,6 @@ from ..identification.refine import refine
 from ..identification.screen import Candidate, Screen
 from ..plant import Plant
 from ..progress import Progress, silent
-from ..threads import each
 from .beyond import Hint, beyond
 from .friction_shape import (
     by_the_letter,
@@ -461,9 +460,7 @@ class Search:
 
     def _candidates(self, screen: Screen) -> list[Candidate]:
         """What could be added to the current plant, of which a linear refit shows anything."""
-        # Those that take longest first: who begins late is alone at the end.
-        todo = sorted(self._addable, key=lambda e: (not grows(e), not e.modulates))
-        return [c for c in each(screen.candidate, todo) if c is not None]
+        return screen.candidates(self._addable)
 
     @property
     def barred(self) -> set[str]:

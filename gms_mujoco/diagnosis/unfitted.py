@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..compare import Comparison
 from ..fit_result import FitResult
 from ..identification.candidates import applicable
 from ..identification.frf_observation import Seen
@@ -18,7 +19,6 @@ from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
 from ..identification.refine import refine
 from ..identification.screen import Screen
-from ..threads import each
 from .beyond import Hint
 from .judgement import AT_FLOOR, discoveries
 from .search import Search
@@ -26,30 +26,29 @@ from .search import Search
 _MOST = 0.5  # of the squared error of all records on blocks not seen, that an effect takes which is told
 
 
-def shown_unfitted(search: Search, last: FitResult, others: Sequence[Seen], loudest: str) -> Hint | None:
+def shown_unfitted(search: Search, last: FitResult, others: Sequence[Seen], comparison: Comparison) -> Hint | None:
     """What a fit to all records lacks, and one to those that were fitted does not; None where nothing is known to be.
 
     Args:
         search: that has ended.
         last: its plant, at the noise floor of what was fitted.
         others: records that were not fitted, of which it leaves more.
-        loudest: name of the one of which it leaves most.
+        comparison: of the plant with them.
     """
     if not search.only_timed:
         return None
     before, seen = last.misfit, [*last.misfit.observations, *others]
     everything = Misfit(last.plant, seen)
     memories = before.memories(last.vector, everything.n_memory)
-    memories += [np.zeros(everything.n_memory) for _ in others]
-    x = everything.vector(last.plant, memories, before.skew(last.vector))
-    now = refine(everything, everything.settle(x))
-    experiment = f'{loudest} shows what the fit records do not: give it, or another run like it, use = "fit".'
+    memories += [np.empty(0) if r.memory is None else r.memory for r in comparison.records]
+    now = refine(everything, everything.vector(last.plant, memories, before.skew(last.vector)))
+    loud = comparison.loudest
+    experiment = f'{loud} shows what the fit records do not: give it, or another run like it, use = "fit".'
     if now.error <= AT_FLOOR * now.floor:
         return Hint(f"a fit to all records leaves {now.score.told(now.error)}: those that were fitted do not tell all "
                     "parameters", experiment)  # fmt: skip
     left, screen = cross_validated(now.misfit, now.vector), Screen(now.misfit, now.vector)
-    todo = [e for e in applicable(now.plant, seen) if e.name not in search.barred]
-    found = [c for c in each(screen.candidate, todo) if c is not None]
+    found = screen.candidates(e for e in applicable(now.plant, seen) if e.name not in search.barred)
     p_values = {c.effect.name: p_value(left, c.held_out) for c in found}
     passed = [c for c in found if c.effect.name in discoveries(p_values)]
     best = min(passed, key=lambda c: c.held_out.total, default=None)

@@ -1,4 +1,5 @@
 #include "effect.h"
+#include "side.h"
 
 namespace {
 
@@ -75,17 +76,17 @@ inline Way way_of(const double* p, int n, const Motion& m, const Level& at) {
           falls && at.stiffens ? lowest : -kFar, falls && !at.stiffens ? scale / other : 1, 0, 0, 0};
 }
 
-constexpr int kBlock = 4;  // elements that are followed at once: as many as a vector of AVX holds
+constexpr int kBlock = 4;  // elements that are followed at once
 
-// A number, or one for each of several elements, which processors take at once.
+// A number, or where compilers have them one for each of several elements.
 template <int N>
 struct Values {
   using Type = double;
 };
-#ifdef __GNUC__
+#ifdef GMS_SIDE  // not of Warp's compilers
 template <>
-struct Values<kBlock> {
-  using Type = double __attribute__((vector_size(kBlock * sizeof(double)), aligned(sizeof(double)), may_alias));
+struct Values<gms::kSide> {
+  using Type = gms::Side;
 };
 #endif
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..effect import Effect
 from ..logs.encoder import count_size
 from ..plant import Plant
+from ..threads import each
 from .candidates import (
     ORDERS,
     at_strengths,
@@ -135,6 +136,12 @@ class Screen:
         self._left = float(self.model.residual @ self.model.residual)
         self._delivered = misfit.delivered(vector)
         self.held_out = self._predicted(None, 1.0)
+
+    def candidates(self, effects: Iterable[type[Effect]]) -> list[Candidate]:
+        """Those of some effects that could be added, of which a linear refit shows anything."""
+        # Those that take longest first: who begins late is alone at the end.
+        todo = sorted(effects, key=lambda e: (not grows(e), not e.modulates))
+        return [c for c in each(self.candidate, todo) if c is not None]
 
     def candidate(self, effect: type[Effect], given: dict[str, float] | None = None) -> Candidate | None:
         """The best way to add an effect; None where the data cannot show it (no motion, signal missing).

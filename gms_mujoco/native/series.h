@@ -8,25 +8,9 @@
 #include <cstring>
 #include <vector>
 
+#include "side.h"
+
 namespace gms {
-
-constexpr int kSide = 4;  // columns side by side
-
-// Values of columns side by side, which processors take at once. Left to themselves compilers put rows together instead.
-#ifdef __GNUC__
-using Side = double __attribute__((vector_size(kSide * sizeof(double)), aligned(sizeof(double)), may_alias));
-#else
-struct Side {
-  double x[kSide];
-  void operator+=(const Side& o) {
-    for (int i = 0; i < kSide; i++) x[i] += o.x[i];
-  }
-  friend Side operator*(double w, Side o) {
-    for (double& x : o.x) x *= w;
-    return o;
-  }
-};
-#endif
 
 // Sums of `taps` rows of `x`, weighted, over kSides * kSide columns; rows are `width` apart.
 template <int kSides>
