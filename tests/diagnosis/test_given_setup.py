@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench import slow
 
 import gms_mujoco as gms
 from gms_mujoco.dataset import Dataset
@@ -51,7 +52,7 @@ def test_a_robot_as_its_model_has_it_is_left_alone(tmp_path: Path) -> None:
     assert corrected_setup(runs, START) == (runs, "")
 
 
-@pytest.mark.parametrize("mass", [0.5, -0.3])
+@pytest.mark.parametrize("mass", [0.5, *slow(-0.3)])
 def test_a_payload_is_found_with_its_moment(tmp_path: Path, mass: float) -> None:
     runs, said = corrected_setup(measured(tmp_path, Setup(payload=Payload("fore", mass, (0.25, 0.0, 0.0)))), START)
     assert runs.robot is not None
@@ -70,7 +71,7 @@ def test_gravity_and_zeros_are_found(tmp_path: Path) -> None:
     assert "or as if gravity were" in said, "in a plane a turned base is a turned first joint"
 
 
-@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+@pytest.mark.parametrize("joint", ["shoulder", *slow("elbow")])
 def test_a_joint_that_counts_backwards_is_found(tmp_path: Path, joint: str) -> None:
     runs, said = corrected_setup(measured(tmp_path, Setup(reversed=(joint,))), START)
     assert runs.robot is not None and runs.robot.setup == Setup(reversed=(joint,))
