@@ -88,6 +88,16 @@ class Dataset:
         """The same measurements of an axis on which the logged load acts too, see `Record.with_acting_load`."""
         return replace(self, records=tuple(r.with_acting_load(sign) for r in self.records))
 
+    def with_temperature_of_all(self) -> Dataset:
+        """The same measurements without a temperature that only some of the records have: what friction that follows it
+        does in the others nobody could say."""
+        known = sum("temperature" in r.signals for r in self.records)
+        if known in (0, len(self.records)):
+            return self
+        said = f"the temperature is not used: {known} of {len(self.records)} records have one"
+        records = (replace(r, signals={k: v for k, v in r.signals.items() if k != "temperature"}) for r in self.records)
+        return replace(self, records=tuple(records), notes=(*self.notes, said))
+
     @property
     def all(self) -> tuple[Record | FRF | ServoRun, ...]:
         """Records, frequency responses and runs of a servo, whatever they are for."""

@@ -37,6 +37,7 @@ from .identification.observe import driven, loaded, observe
 from .identification.refine import finished, gone_on
 from .identification.screen import Screen
 from .identification.time_steps import as_fitted
+from .parameter import KELVIN
 from .plant import Plant
 from .progress import Progress, part, silent
 from .threads import one_blas_thread
@@ -110,7 +111,8 @@ def diagnose(
     if candidates and runs.controller:
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
-    driven(start, runs.fit)
+    driven(start, runs.all)
+    runs = runs.with_temperature_of_all()
     report(0.0, "looking at the records")
     as_given, law_said, near = runs, "", None
     for turn in range(_TURNS):
@@ -264,7 +266,10 @@ def _evidence(before: Step, step: Step) -> str:
         fall = "less is left of what a fit has not seen"
     gone = [e.name for e in before.result.plant.effects if e.name not in step.result.plant]
     instead = f", in the place of {' and '.join(gone)}" if gone else ""
+    found = step.result.plant[step.effect]
+    measured = any(p.unit == KELVIN and np.any(found.values[p.name]) for p in found.parameters)
+    by = ", by the temperature that was measured" if measured else ""
     return (
-        f"{step.effect}{instead}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
+        f"{step.effect}{instead}{by}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
         f"{len(step.held_out.by_record)} fit records; {lowered(effects.find(step.effect).signature)}"
     )

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+KELVIN = "K"  # unit of a rise of temperature
 WAVES = "1/rev"  # unit of a harmonic: a whole number of periods per revolution; on a slide joint rad/m, any wave number
 
 
@@ -34,7 +35,7 @@ class Parameter:
     doc: str = ""
 
     @property
-    def is_velocity(self) -> bool:
-        """Whether it is one, which may be any by orders of magnitude: zero is far from all of them, no unknown, and
-        marks no strength."""
-        return self.unit == "rad/s"
+    def is_scale(self) -> bool:
+        """Whether others are measured by it, a velocity or a rise of temperature, which may be any by orders of
+        magnitude: zero is far from all of them, no unknown, and marks no strength."""
+        return self.unit in ("rad/s", KELVIN)

@@ -157,6 +157,18 @@ def test_temperature_has_an_offset(unit: str, celsius: float, tmp_path: Path) ->
     assert np.allclose(record.signals["temperature"], celsius)
 
 
+def test_a_temperature_that_some_records_lack_is_not_used_and_it_is_said() -> None:
+    def logged(name: str, **more: np.ndarray) -> Record:
+        return Record(name, np.arange(20.0), {"torque": np.ones(20), "position": np.arange(20.0), **more})
+
+    warm = logged("warm", temperature=np.full(20, 30.0))
+    whole = Dataset(Path(), (warm, warm))
+    assert whole.with_temperature_of_all() is whole
+    part = Dataset(Path(), (warm, logged("unknown"))).with_temperature_of_all()
+    assert not any("temperature" in r.signals for r in part.records)
+    assert part.notes == ("the temperature is not used: 1 of 2 records have one",)
+
+
 def test_current_times_torque_constant_is_torque(tmp_path: Path) -> None:
     text = "[axis]\ntorque_constant = 0.2\n" + RECORD + 'use = "fit"\nunits = { current = "mA" }\n'
     record = dataset(tmp_path, text, time=TIME, current=RUN["torque"], position=RUN["position"]).fit[0]

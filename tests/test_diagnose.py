@@ -318,6 +318,7 @@ MODULATING = {
     "position_dependent_friction": effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),
     "thermal_drift": effects.ThermalDrift(amplitude=0.5, time_constant=1.5),
 }
+SCALES = {"speed": 1.0, "temperature_scale": 15.0}
 
 
 @pytest.mark.parametrize(
@@ -330,8 +331,14 @@ MODULATING = {
     ids=str,
 )
 def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
-    d = diagnose(dataset(HEALTHY + MODULATING[name].replace(**form)), UNKNOWN)
+    """Beside a temperature that was logged, which friction follows or does not."""
+    form = {k: v * SCALES.get(k, 1.0) for k, v in form.items()}
+    hidden = HEALTHY + MODULATING[name].replace(**form)
+    temperature = 30 + 10 * np.sin(np.linspace(0, 9, round(3.0 / SAMPLE_TIME)))
+    d = diagnose(dataset(hidden, temperature=temperature), UNKNOWN)
     assert [e.name for e in d] == [name]
     found = {k: d.plant[name].values[k] for k in form}
-    assert found.pop("speed", 0.0) == pytest.approx(form.get("speed", 0.0), rel=0.1)  # is found, all else is chosen
+    for scale in SCALES.keys() & form.keys():  # is found, all else is chosen
+        assert found.pop(scale) == pytest.approx(form[scale], rel=0.1)
     assert found == {k: form[k] for k in found}
+    assert ("by the temperature that was measured" in str(d)) == bool(form.get("temperature_scale"))

@@ -6,7 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gms_mujoco import effects, engine
-from gms_mujoco.errors import ModelError
+from gms_mujoco.compare import compare
+from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.identification.inverse import Observation
@@ -190,6 +191,26 @@ def test_friction_that_heats_itself_cools_at_rest():
     inside = moves & (np.abs(t - 20) > 2e-3) & (t > 2e-3)
     assert torque[inside] == pytest.approx(expected[inside], rel=1e-3)
     assert np.abs(torque[20002]) > 0.98 * np.abs(torque[5]) > 1.2 * np.abs(torque[9990])
+
+
+def test_friction_follows_a_temperature_with_a_lag():
+    """From where it is found; 20 degC is theta = 0, where the joint is that nobody measured."""
+    drift = effects.ThermalDrift(amplitude=0.6, viscous=1e-3, time_constant=2.0, temperature_scale=15.0)
+    t = np.linspace(0, 10, 10001)
+    joint, motion = (DRY.without("viscous") + drift).joint(), (t, 1.5 * t, np.full(len(t), 1.5))
+    theta = np.where(t < 5, 1.0, 2.0 - np.exp(-(t - 5) / 2))
+    torque = joint.replay(*motion, temperature=np.where(t < 5, 35.0, 50.0)).torque
+    assert torque[1:] == pytest.approx(-2e-3 - (0.6 * 2e-3 + 1.5e-3) * np.exp(-theta[1:]), rel=1e-3)
+    assert joint.replay(*motion).torque[1:] == pytest.approx(-2e-3 * 1.6 - 1.5e-3)
+
+
+def test_a_record_without_the_temperature_that_friction_follows_is_refused():
+    plant = DRY + effects.ThermalDrift(amplitude=0.6, time_constant=2.0, temperature_scale=15.0)
+    record = simulate(plant, 0.01 * np.sin(np.arange(800) / 50), 1e-3)
+    said = "no temperature .degC., which thermal_drift follows where it has temperature_scale"
+    for verb in (fit, compare):
+        with pytest.raises(DataError, match=said):
+            verb(plant, [record])
 
 
 def test_drift_follows_the_time_stamps_of_a_part_of_a_record():

@@ -61,6 +61,10 @@ MODULATORS = {  # and the factor on the level at (position, time, load, directio
         effects.ThermalDrift(amplitude=-0.4, time_constant=5.0, speed=0.2),
         lambda q, t, load, side: 1 - 0.4 * np.exp(-0.5 / 0.2 * (1 - np.exp(-t / 5))),
     ),
+    "thermal, at 20 degC": (
+        effects.ThermalDrift(amplitude=-0.4, time_constant=5.0, temperature_scale=15.0),
+        lambda q, t, load, side: 1 - 0.4,
+    ),
 }
 
 

@@ -33,7 +33,8 @@ Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough 
 
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
-# Of each effect that has several. Whether one has a speed is a form of it, and which a fit finds.
+# Of each effect that has several. Whether one has a speed, or a scale of temperature, is a form of it, and which a fit
+# finds.
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "asymmetric_friction": (
         {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
@@ -42,8 +43,12 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "load_dependent_friction": _STIFFENING,
     "position_dependent_friction": _STIFFENING,
     "thermal_drift": (
-        {"stiffening": 1.0, "speed": 0.0}, {"stiffening": 0.0, "speed": 0.0},
-        {"stiffening": 1.0, "speed": 1.0}, {"stiffening": 0.0, "speed": 1.0},
+        {"stiffening": 1.0, "speed": 0.0, "temperature_scale": 0.0},
+        {"stiffening": 0.0, "speed": 0.0, "temperature_scale": 0.0},
+        {"stiffening": 1.0, "speed": 1.0, "temperature_scale": 0.0},
+        {"stiffening": 0.0, "speed": 1.0, "temperature_scale": 0.0},
+        {"stiffening": 1.0, "speed": 0.0, "temperature_scale": 1.0},
+        {"stiffening": 0.0, "speed": 0.0, "temperature_scale": 1.0},
     ),
 }  # fmt: skip
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
@@ -97,13 +102,15 @@ class JointFits:
     def forms(self, effect: Effect, plant: Plant | None = None) -> list[dict[str, float]]:
         """The forms of an effect, which no fit chooses from; of one that `plant` has, the one that it has.
 
-        Those with a speed have that of the effect, or a typical one.
+        Those with a speed have that of the effect, or a typical one; those with a scale of temperature likewise, and
+        there are none where no temperature was measured that varies.
         """
         if effect.name not in FORMS or (plant is not None and effect.name in plant):
             return [{}]
-        units = {p.name: p.unit for p in effect.parameters if p.is_velocity}
-        speeds = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
-        return [{k: v * speeds.get(k, 1.0) for k, v in form.items()} for form in FORMS[effect.name]]
+        units = {p.name: p.unit for p in effect.parameters if p.is_scale}
+        scales = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
+        known = [form for form in FORMS[effect.name] if all(scales.get(k, 1.0) for k, v in form.items() if v)]
+        return [{k: v * scales.get(k, 1.0) for k, v in form.items()} for form in known]
 
     def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
         """A rough joint fit with one effect more, from where the plant is; a strong one also from the beginning.

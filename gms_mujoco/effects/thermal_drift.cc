@@ -2,26 +2,43 @@
 
 namespace {
 
+enum { kAmplitude, kViscous, kTime, kStiffening, kSpeed, kScale };  // parameters
+
+constexpr double kColdest = -50;  // heat, below which what is left would be no friction, and at last no number
+
 int n_state(int) { return 1; }
 
+// What heat goes to over an interval: what the thermometer says, or what friction gives.
+double goal(const double* p, const gms::Motion& m) {
+  if (p[kScale] > 0) return std::fmax((m.temperature - gms::kRoom) / p[kScale], kColdest);
+  return std::fabs(m.displacement) / (m.duration * p[kSpeed]);
+}
+
+// Heat where an interval begins; a thermometer tells it at the first instant.
+double begun(const double* p, const gms::Motion& m, double theta) {
+  return p[kScale] > 0 && m.duration == 0 ? goal(p, m) : theta;
+}
+
 // How much of the change is left after heat theta.
-double left(const double* p, double time, double theta) { return std::exp(p[4] > 0 ? -theta : -time / p[2]); }
+double left(const double* p, double time, double theta) {
+  return std::exp(p[kSpeed] > 0 || p[kScale] > 0 ? -theta : -time / p[kTime]);
+}
 
 void modulate(const double* p, int, const gms::Motion& m, const double* state, gms::Level& level) {
-  const double factor = 1 + p[0] * left(p, m.time, state[0]);
+  const double factor = 1 + p[kAmplitude] * left(p, m.time, begun(p, m, state[0]));
   level.forward *= factor;
   level.backward *= factor;
-  if (p[3] == 0) level.stiffens = false;
+  if (p[kStiffening] == 0) level.stiffens = false;
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
-  const double theta = state[0];
+  const double theta = begun(p, m, state[0]);
   next[0] = theta;
-  if (p[4] > 0 && m.duration > 0) {  // exact at the mean speed of the interval
-    const double rest = std::fabs(m.displacement) / (m.duration * p[4]);
-    next[0] = rest + (theta - rest) * std::exp(-m.duration / p[2]);
+  if ((p[kSpeed] > 0 || p[kScale] > 0) && m.duration > 0) {  // exact at the mean speed of the interval
+    const double rest = goal(p, m);
+    next[0] = rest + (theta - rest) * std::exp(-m.duration / p[kTime]);
   }
-  return -p[1] * m.velocity * left(p, m.time, next[0]);
+  return -p[kViscous] * m.velocity * left(p, m.time, next[0]);
 }
 
 }  // namespace
@@ -36,17 +53,21 @@ const gms::Effect gms_effect_thermal_drift = {
     "begins near zero where the axis was cold. The other parameters describe the warm axis, so friction that grows from\n"
     "(1 + a) Fc to Fc has a < 0. Grease thins as it warms: in robot joints most of the change is in the drag.\n"
     "So heat comes with time alone, and goes on at rest. With a speed V > 0 it is friction's own: exp(-theta) stands for\n"
-    "exp(-t/tau), where tau dtheta/dt = |v|/V - theta from 0 where the record begins, and the axis cools as it rests. V = 0,\n"
-    "the default, is no unknown of a fit; any other value is. A recorded temperature is not used.\n"
+    "exp(-t/tau), where tau dtheta/dt = |v|/V - theta from 0 where the record begins, and the axis cools as it rests. With\n"
+    "a scale W > 0 it is what was measured, T being the signal `temperature` of a record: tau dtheta/dt = (T - 20)/W - theta\n"
+    "from theta = (T - 20)/W, so that a and b are those at 20 degC, where MuJoCo has every joint. V = 0 and W = 0, the\n"
+    "defaults, are no unknowns of a fit; any other values are.\n"
     "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
-    "Source: friction during warm-up, Carvalho Bittencourt and Axelsson, IEEE/ASME Trans. Mechatronics 19 (2014).",
+    "Source: friction during warm-up, Carvalho Bittencourt and Axelsson, IEEE/ASME Trans. Mechatronics 19 (2014), whose\n"
+    "viscous friction falls as exp(-T/W).",
     "The torque error follows the sign of velocity, or velocity, and fades, or grows to a plateau, with time.",
-    "One motion repeated from a cold start for several minutes.",
+    "One motion repeated from a cold start for several minutes, with the temperature logged.",
     {{"amplitude", "1", 0, -0.95, gms::kInfinity, false, true, "a, part of the level that fades"},
      {"viscous", "N m s/rad", 0, -gms::kInfinity, gms::kInfinity, false, true, "b, viscous drag that fades"},
      {"time_constant", "s", gms::kUnset, 0.1, gms::kInfinity, false, true, "tau"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness fades with the level; 0: the level alone"},
-     {"speed", "rad/s", 0, 0, gms::kInfinity, false, true, "V, speed that in the long run heats to theta = 1; 0: time does"}},
+     {"speed", "rad/s", 0, 0, gms::kInfinity, false, true, "V, speed that in the long run heats to theta = 1; 0: time does"},
+     {"temperature_scale", "K", 0, 0, gms::kInfinity, false, true, "W, rise of the temperature that is theta = 1; 0: not used"}},
     n_state,
     nullptr,
     nullptr,

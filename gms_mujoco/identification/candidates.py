@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..effect import LOADED, Effect
-from ..parameter import WAVES, Parameter
+from ..parameter import KELVIN, WAVES, Parameter
 from ..plant import Plant
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
@@ -38,6 +38,7 @@ _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
+_WIDE = 2.0  # times by how much the temperature varies: what falls exponentially over it is hardly bent
 
 
 def _laws_aside(plant: Plant) -> tuple[str, ...]:
@@ -153,7 +154,7 @@ def strengths(effect: type[Effect]) -> list[Parameter]:
     """Parameters at whose zero the effect is absent; none of a general law of friction, which is there or is not."""
     if effect.name in GENERAL_LAWS:
         return []
-    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase" and not p.is_velocity]
+    return [p for p in effect.parameters if p.default == 0 and p.free and p.name != "phase" and not p.is_scale]
 
 
 def is_present(effect: Effect) -> bool:
@@ -198,6 +199,8 @@ def shapes(
     """Values to try for the parameters that are neither strengths nor phases; no harmonic that `plant` has."""
     grids: dict[str, Sequence[float]] = {}
     for p in effect.parameters:
+        if p.unit == KELVIN and scales[p.unit]:
+            grids[p.name] = [0.0, _WIDE * scales[p.unit]]
         if p.name == "phase" or not math.isnan(p.default):
             continue
         if plant is not None and plant.kind == "slide" and p.unit == WAVES:

@@ -39,7 +39,7 @@ class _Block:
             return "above"
         if self.is_wave_number:
             return "linear"
-        orders = self.parameter.default != 0 or self.parameter.is_velocity
+        orders = self.parameter.default != 0 or self.parameter.is_scale
         return "log" if self.parameter.lower >= 0 and orders else "linear"
 
     @property
@@ -111,7 +111,7 @@ class Coordinates:
             moves = [p.free or not free_only or (template.kind == "slide" and p.unit == WAVES) for p in e.parameters]
             chosen = [p for p, free in zip(e.parameters, moves, strict=True) if free or f"{e.name}.{p.name}" in freed]
             own = [_Block(e.name, p, e.elements if p.per_element else 1) for p in chosen]
-            blocks += [b for b in own if not (b.parameter.is_velocity and e.values[b.parameter.name] == 0)]
+            blocks += [b for b in own if not (b.parameter.is_scale and e.values[b.parameter.name] == 0)]
         self.blocks = [b for b in blocks if b.label not in fixed and b.size > 0]
         self.size = sum(b.size for b in self.blocks)
 

@@ -109,6 +109,11 @@ class Observation:
         """(n,) torque commanded [N m]."""
         return self.record.torque
 
+    @property
+    def temperature(self) -> Array | None:
+        """(n,) measured [degC]; None where none was."""
+        return self.record.get("temperature")
+
     def rows_per_block(self, duration: float) -> int:
         """Band-limited values in a stretch of time [s]."""
         return max(int(duration / (self.stride * self.record.sample_time)), 1)

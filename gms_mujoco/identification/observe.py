@@ -14,6 +14,7 @@ from ..effect import LOADED
 from ..errors import DataError, ModelError
 from ..frf import FRF, usable
 from ..logs.plausible import filled
+from ..parameter import KELVIN
 from ..plant import Plant
 from ..record import Record
 from ..servo_run import ServoRun
@@ -32,7 +33,7 @@ Data = Record | FRF | ServoRun
 
 def driven(plant: Plant, data: Sequence[Data]) -> Plant:
     """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round, and where it
-    is no plant, DataError where the data are no measurements."""
+    is no plant, DataError where the data are no measurements, or lack the temperature that an effect of it follows."""
     if not isinstance(plant, Plant):
         raise ModelError(f"a plant is expected before the data, as gms.baseline() is one; {_kind(plant)} given")
     if isinstance(data, str | Path) or not isinstance(data, Iterable):
@@ -43,6 +44,11 @@ def driven(plant: Plant, data: Sequence[Data]) -> Plant:
                         f"are: gms.load(...).fit; {_kind(other)} among them")
     if any(isinstance(d, ServoRun) for d in data):
         return expect_servo(plant)
+    without = next((d.name for d in data if isinstance(d, Record) and d.get("temperature") is None), None)
+    for effect in plant.effects if without is not None else ():
+        for p in (p for p in effect.parameters if p.unit == KELVIN and np.any(effect.values[p.name])):
+            raise DataError(f"{without} has no temperature [degC], which {effect.name} follows where it has {p.name}; "
+                            f"log it, or leave {p.name} away")
     return plant.torque_driven()
 
 

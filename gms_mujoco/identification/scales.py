@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameter import WAVES
+from ..parameter import KELVIN, WAVES
 from ..plant import Plant
 from .frf_observation import Seen
 
@@ -24,6 +24,7 @@ class Scales:
     velocity: float
     acceleration: float
     sample_time: float
+    temperature: float  # by which it differs, over all of them; 0 where one does not know it
 
     @classmethod
     def of(cls, observations: Sequence[Seen]) -> Scales:
@@ -37,6 +38,7 @@ class Scales:
             pooled([o.velocity for o in observations]),
             pooled([o.acceleration for o in observations]),
             float(np.mean([o.sample_time for o in observations])),
+            _spread_of_temperature(observations),
         )
 
     def __getitem__(self, unit: str) -> float:
@@ -52,4 +54,11 @@ class Scales:
             WAVES: 1 / self.position,  # on a slide joint: a radian of phase over the travel
             "rad/s": v,
             "s": self.sample_time,
+            KELVIN: self.temperature,
         }.get(unit, 1.0)
+
+
+def _spread_of_temperature(observations: Sequence[Seen]) -> float:
+    measured = [o.temperature for o in observations]
+    known = [t for t in measured if t is not None]
+    return float(np.std(np.concatenate(known))) if len(known) == len(measured) else 0.0

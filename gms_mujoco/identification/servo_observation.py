@@ -142,6 +142,7 @@ class ServoObservation:
         return self.run.weight * np.sin(self.run.position)
 
     typical_torque = commands
+    temperature = None  # no friction of a servo follows it
 
     @property
     def condition(self) -> tuple[float, float, float]:

@@ -36,6 +36,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 #endif
 constexpr int kMaxParameters = 12;
 constexpr int kTogether = 16;  // joints that an effect is asked for at once, at most
+constexpr double kRoom = 20;   // [degC], where no temperature is known
 
 // What the joint does over one interval, in SI units (rad and N m for a hinge, m and N for a slide).
 struct Motion {
@@ -45,7 +46,7 @@ struct Motion {
   double duration;      // length of the interval [s]; 0 at the first instant
   double time;          // at the end of the interval [s]
   double load;          // normal load or transmitted torque
-  double temperature;   // [degC]
+  double temperature = kRoom;  // [degC]
 
   // Mean velocity over the interval; friction takes its direction and its Stribeck level from this.
   double rate() const { return duration > 0 ? displacement / duration : velocity; }

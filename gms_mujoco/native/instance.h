@@ -59,7 +59,7 @@ struct Unit {  // one joint, as its model has it
   double& passive(const mjData* d) const { return d->qfrc_passive[dof]; }
   bool asleep(const mjData* d) const { return d->tree_asleep[tree] >= 0; }
   Sample now(const mjData* d) const {
-    return {d->time, d->qpos[place], d->qvel[dof], load < 0 ? 0 : book(d)[load], 0};
+    return {d->time, d->qpos[place], d->qvel[dof], load < 0 ? 0 : book(d)[load]};
   }
 };
 

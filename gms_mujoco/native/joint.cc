@@ -159,9 +159,9 @@ double Joint::slope_once(double h) const {
   double state[kMaxState], largest = 0;
   for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only
     recall(std::vector<double>(n_memory_, memory).data(), state);
-    const double rest = torque_only(Motion{0, 0, 0, h, h, 0, 0}, state);
+    const double rest = torque_only(Motion{0, 0, 0, h, h, 0}, state);
     for (const double x : {kSmall, -kSmall}) {
-      const double moving = torque_only(Motion{x, x, x / h, h, h, 0, 0}, state);
+      const double moving = torque_only(Motion{x, x, x / h, h, h, 0}, state);
       largest = std::max(largest, std::fabs(moving - rest) * h / kSmall);
     }
   }
@@ -171,7 +171,7 @@ double Joint::slope_once(double h) const {
 bool Joint::reads_load() const {
   double state[kMaxState];
   reset(state);
-  const double light = torque_only(Motion{1, 1, 1, 1, 1, 0, 0}, state);
+  const double light = torque_only(Motion{1, 1, 1, 1, 1, 0}, state);
   return torque_only(Motion{1, 1, 1, 1, 1, 1, 0}, state) != light;
 }
 

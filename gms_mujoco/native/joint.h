@@ -20,7 +20,7 @@ constexpr double kExplicitLimit = 2;
 // Where a joint is at one instant.
 struct Sample {
   double time, position, velocity;
-  double load, temperature;
+  double load = 0, temperature = kRoom;
 };
 
 // State vector: the position and the time at which the state holds (NaN before the first sample), then the

@@ -57,7 +57,7 @@ double evaluate(int number, const Real* parameters, const Real* before, Real* af
 
   const bool reset = !(time >= state[kAnchorTime]), later = time > state[kAnchorTime];
   if (later) state[kLoad] = state[kGiven] + pull;
-  Motion motion{position, 0, velocity, 0, time, reset ? 0 : state[kLoad], 0};
+  Motion motion{position, 0, velocity, 0, time, reset ? 0 : state[kLoad]};
   double f;
   if (reset || (!later && state[kVirgin] != 0)) {  // to be set somewhere after a reset is no motion
     if (reset) {
@@ -100,7 +100,7 @@ struct Ahead {
   double h;
 
   double operator()(double v, double displacement) const {
-    const Motion motion{now.position + h * v, displacement, v, now.duration + h, now.time + h, now.load, 0};
+    const Motion motion{now.position + h * v, displacement, v, now.duration + h, now.time + h, now.load};
     double next[GMS_MOST_STATES];
     return total(uses, n, p, motion, state, next);
   }
@@ -136,7 +136,7 @@ void settle(const Real* parameters, const Real* before, Real* after, double time
       const int* joint = kJoints + kImplicit[k] * kJointRow;
       for (int i = 0; i < joint[kNumParameters]; i++) p[i] = parameters[joint[kFirstParameter] + i];
       for (int i = 0; i < joint[kNumStates]; i++) state[i] = before[joint[kFirstState] + i];
-      const Motion now{room[kWhere * n + k], 0, 0, time - state[kAnchorTime], time, state[kLoad], 0};
+      const Motion now{room[kWhere * n + k], 0, 0, time - state[kAnchorTime], time, state[kLoad]};
       const Ahead force{kUses + joint[kFirstUse] * kUseRow, joint[kNumUses], p, state, now, step};
       if (pass == 0) {
         moved[k] = now.position - state[kAnchor];

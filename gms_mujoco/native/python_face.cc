@@ -30,8 +30,8 @@ GMS_API int gms_joint_n_state(const Joint* joint) { return joint->n_state(); }
 GMS_API int gms_joint_n_memory(const Joint* joint) { return joint->n_memory(); }
 
 // Torque of the joint at n samples of a given motion, starting from `memory` (n_memory unknowns in [-1, 1];
-// null: never moved). `load` and `temperature` may be null. `parts`, n x n_effects, and `states`, n x n_state,
-// may be null.
+// null: never moved). `load` and `temperature` may be null: none, kRoom. `parts`, n x n_effects, and `states`,
+// n x n_state, may be null.
 GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, const double* position,
                               const double* velocity, const double* load, const double* temperature,
                               const double* memory, double* torque, double* parts, double* states) {
@@ -44,7 +44,7 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
   }
   for (int k = 0; k < n; k++) {
     const gms::Sample now{time[k], position[k], velocity[k], load ? load[k] : 0,
-                          temperature ? temperature[k] : 0};
+                          temperature ? temperature[k] : gms::kRoom};
     torque[k] = joint->torque(now, state.data(), next.data(), parts ? parts + k * n_parts : nullptr);
     state.swap(next);
     if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
@@ -63,7 +63,7 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
   }
   const Joint::Use& e = joint->uses()[use];
   for (int k = 0; k < n; k++) {
-    joint->torque({time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : 0},
+    joint->torque({time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : gms::kRoom},
                   state.data(), next.data());
     state.swap(next);
     e.effect->elements(state.data() + e.state, e.n, torque);
@@ -105,7 +105,7 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
   };
   for (int k = 0; k < n; k++) {
     const gms::Motion motion = Joint::since({time[k], position[k], velocity[k], load ? load[k] : 0,
-                                             temperature ? temperature[k] : 0}, state[0]);
+                                             temperature ? temperature[k] : gms::kRoom}, state[0]);
     Joint::alternatives(count, joints, motion, state, next, torque);
     double* to = instants ? row.data() : band.row();
     if (apart) e->effect->elements(next[0] + e->state, e->n, from.data());
@@ -264,7 +264,7 @@ GMS_API int gms_joint_mean(const Joint* joint, int n, const double* time, const 
     joint->reset(state.data());
   }
   const auto sample = [&](int k) {
-    return gms::Sample{time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : 0};
+    return gms::Sample{time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : gms::kRoom};
   };
   if (n == 0) return 0;
   Between between(*joint, tolerance, instants, most - 7 * n);  // 7: with two reversals between two samples
@@ -302,7 +302,7 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
   gms::Sample now{start, position[0], velocity[0]};
   for (int k = 0; k < n; k++) {
     now.load = load ? load[k] : 0;
-    now.temperature = temperature ? temperature[k] : 0;
+    now.temperature = temperature ? temperature[k] : gms::kRoom;
     const double rate = path && k + 1 < n ? (path[k + 1] - path[k]) / sample_time : 0;
     for (int i = 0; i < substeps; i++) {
       double applied = torque[k];

@@ -36,6 +36,7 @@ class Sines(ABC):
     has_memory = False  # in the steady state the beginning is forgotten
     skews = False  # its phase was estimated with torque and position on one clock
     typical_torque = None  # what is applied is one
+    temperature = None  # nobody says
     additive = True  # what an effect needs does not depend on the others
     jumps = False  # a motion in closed form has no samples between which an element just slips or just does not
     sparse = None
