@@ -356,7 +356,7 @@ def _attach(options: argparse.Namespace) -> None:
     from .engine import attach
 
     output = files.expect_writable(options.output)
-    plant = Plant.load(options.model).complete()
+    plant = Plant.load(options.model)
     spec = attach(options.robot, {name: plant for name in options.joint})
     _keep_assets(spec, Path(options.robot), output)
     try:

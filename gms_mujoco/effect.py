@@ -179,6 +179,14 @@ class Effect:
         return None
 
 
+def actuators_of(spec: mujoco.MjSpec, joint: str) -> list[Any]:
+    """The actuators that act on a joint, and on no tendon, site or body that is called as it is."""
+    import mujoco
+
+    on_joints = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    return [a for a in spec.actuators if a.target == joint and a.trntype in on_joints]
+
+
 def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:
     if value is None:
         value = (p.default,) * n if p.per_element else p.default

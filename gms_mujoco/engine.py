@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import ctypes
 import fnmatch
+import itertools
 import os
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,12 +75,16 @@ def attach(
 ) -> mujoco.MjSpec:
     """Puts friction on joints of a MuJoCo model. Inertia and armature of the model stay as they are.
 
+    Friction follows where a joint goes: setting `qpos` or `time` is motion too, but for the first after
+    `mj_resetData`.
+
     Args:
-        model: an MjSpec, which is changed; or the path or the text of an MJCF file.
+        model: an MjSpec, which is changed as a whole or not at all; or the path or the text of an MJCF file.
         plants: plant by joint name; a name may be a pattern such as "*_knee".
         integration: "explicit", "implicit" (backward Euler: stable and bounded at any time step), or "auto": implicit
             for the joints whose friction is so stiff for the time step that an explicit one may be unstable, with
-            h^2 k + h sigma above twice the inertia. Below that explicit is cheaper and more accurate.
+            h^2 k + h sigma above twice the inertia. Below that explicit is cheaper and more accurate. The inertia is
+            that of the model as it stands: ask for "implicit" where it falls to less in another pose.
         sensors: MuJoCo sensors for each of the joints, out of "torque" [N m], "power" [W] and "states": what
             `friction` gives, in `sensordata`. Sensor "JOINT_friction_torque" is the torque of JOINT.
 
@@ -94,9 +99,21 @@ def attach(
     spec = spec_of(model)
     if integration not in native.INTEGRATION:
         raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
-    for reads in sensors:
-        if reads not in READINGS:
-            raise ModelError(f"sensors are {listing(READINGS)}; {reads!r} given")
+    for reads in [sensors] if isinstance(sensors, str) else sensors:
+        if reads not in READINGS or isinstance(sensors, str):
+            raise ModelError(f"sensors is a list out of {listing(READINGS)}; {sensors!r} given")
+    if not isinstance(plants, Mapping):
+        given = type(plants).__name__
+        raise ModelError(f'plants by the names of joints are expected, as {{"elbow": plant}}; {given} given')
+    if isinstance(model, mujoco.MjSpec):
+        with warnings.catch_warnings(action="ignore"):
+            _put(model.copy(), plants, integration, sensors)
+    _put(spec, plants, integration, sensors)
+    return spec
+
+
+def _put(spec: mujoco.MjSpec, plants: Mapping[str, Plant], integration: str, sensors: Collection[str]) -> None:
+    """What `attach` does to an MjSpec, which it may leave half changed where it raises."""
     chosen: dict[str, Plant] = {}
     for pattern, plant in plants.items():
         for joint in _matching(spec, pattern):
@@ -123,13 +140,15 @@ def attach(
     for name, plant in chosen.items():
         for e in sorted(plant.effects, key=lambda e: e.kind != "controller"):  # the actuators first
             e.edit(spec, name)
-    return spec
 
 
 def spec_of(model: mujoco.MjSpec | str | os.PathLike[str]) -> mujoco.MjSpec:
     """An MjSpec as it is, or from the path or the text of an MJCF file; raises ModelError where that cannot be."""
     if isinstance(model, mujoco.MjSpec):
         return model
+    if not isinstance(model, str | os.PathLike):
+        given = type(model).__name__
+        raise ModelError(f"an MjSpec, or the path or the text of an MJCF file is expected; {given} given")
     text = os.fspath(model)
     try:
         if text.lstrip().startswith("<"):
@@ -143,7 +162,7 @@ def spec_of(model: mujoco.MjSpec | str | os.PathLike[str]) -> mujoco.MjSpec:
 
 
 def _matching(spec: mujoco.MjSpec, pattern: str) -> list[Any]:
-    found = [j for j in spec.joints if j.name and (j.name == pattern or fnmatch.fnmatchcase(j.name, pattern))]
+    found = [j for j in spec.joints if j.name and (j.name == pattern or fnmatch.fnmatchcase(j.name, str(pattern)))]
     if not found:
         names = listing(j.name for j in spec.joints if j.name)
         raise ModelError(f"no joint is called {pattern!r}; the joints are {names}")
@@ -151,6 +170,9 @@ def _matching(spec: mujoco.MjSpec, pattern: str) -> list[Any]:
 
 
 def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
+    if not isinstance(plant, Plant):
+        given = repr(plant) if isinstance(plant, str) else type(plant).__name__
+        raise ModelError(f"a Plant is expected for joint {joint.name!r}, as gms.Plant.load() reads one; {given} given")
     kinds = {mujoco.mjtJoint.mjJNT_HINGE: "hinge", mujoco.mjtJoint.mjJNT_SLIDE: "slide"}
     kind = kinds.get(mujoco.mjtJoint(joint.type))
     if kind is None:
@@ -174,7 +196,7 @@ def _warn(joint: Any, plant: Plant) -> None:
         warnings.warn(
             f"{', '.join(sensors)} acts on the measurement alone and is left out of joint {joint.name!r}: MuJoCo's "
             "positions are exact",
-            stacklevel=3,
+            stacklevel=4,
         )
     twice = {"frictionloss": bool(friction), "damping": "viscous" in friction}
     for key, counts in twice.items():
@@ -183,7 +205,7 @@ def _warn(joint: Any, plant: Plant) -> None:
             warnings.warn(
                 f"joint {joint.name!r} has {key} {value:g} and gets {', '.join(friction)}: both act; "
                 f"set {key} to 0 unless that is meant",
-                stacklevel=3,
+                stacklevel=4,
             )
 
 
@@ -195,7 +217,7 @@ def _uncouple(joint: Any, plant: Plant) -> None:
         warnings.warn(
             f"the load of {names}, {hidden:g} kg m^2, is part of the inertia of the axis, but joint {joint.name!r} has "
             f"only {joint.armature:g} of armature to take it from: take the rest off the body",
-            stacklevel=3,
+            stacklevel=4,
         )
     joint.armature = max(joint.armature - hidden, 0.0)
 
@@ -226,8 +248,14 @@ def _add_instance(spec: mujoco.MjSpec, parts: list[tuple[list[Any], dict[str, st
         if body.plugin.active:
             if k:
                 continue
-            body = body.add_body(name=f"{joint.name}_friction")
+            names = {b.name for b in spec.bodies}
+            body = body.add_body(name=next(n for n in _free_names(f"{joint.name}_friction") if n not in names))
         body.plugin = instance
+
+
+def _free_names(name: str) -> Iterator[str]:
+    yield name
+    yield from (f"{name}_{i}" for i in itertools.count(2))
 
 
 def _shape(config: dict[str, str]) -> list[tuple[str, int]]:
@@ -386,6 +414,8 @@ def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction
     if id < 0:
         names = (model.joint(i).name for i in range(model.njnt))
         raise ModelError(f"no joint is called {joint!r}; the joints are {listing(filter(None, names))}")
+    if len(data.plugin_data) != model.nplugin or len(data.plugin_state) != model.npluginstate:
+        raise ModelError("the data was made for a model with other friction; make it with mujoco.MjData(model)")
     reading = native.reading(model._address, data._address, id)
     if reading is None:
         raise ModelError(f"joint {joint!r} has no friction of gms_mujoco; attach a plant to it")

@@ -112,7 +112,8 @@ class Friction:
         inertia = mjx.full_m(m, now) + (m.opt.timestep * jnp.diag(m.dof_damping) if damped else 0)
         at = self._solved
         response = m.opt.timestep * jnp.linalg.inv(inertia)[at]
-        return d.qvel[at] + response @ now.qfrc_smooth, response[:, at].ravel()
+        # Constraints are solved after friction: what they do is what they did in the last step.
+        return d.qvel[at] + response @ (now.qfrc_smooth + d.qfrc_constraint), response[:, at].ravel()
 
     def step(
         self, m: mjx.Model, d: mjx.Data, state: jax.Array, parameters: jax.Array | None = None

@@ -255,11 +255,13 @@ class Plant:
 
         return read_plant(path)
 
-    def attach(self, spec: mujoco.MjSpec, joint: str | Iterable[str]) -> None:
-        """Puts the effects of this plant on joints of a MuJoCo model; see `gms_mujoco.attach`."""
+    def attach(
+        self, model: mujoco.MjSpec | str | os.PathLike[str], joint: str | Iterable[str], **options: Any
+    ) -> mujoco.MjSpec:
+        """Puts the effects of this plant on joints of a MuJoCo model: `gms_mujoco.attach`, which takes the options."""
         from .engine import attach
 
-        attach(spec, {name: self for name in ([joint] if isinstance(joint, str) else joint)})
+        return attach(model, {name: self for name in ([joint] if isinstance(joint, str) else joint)}, **options)
 
     def save(self, path: str | Path) -> None:
         """Writes `model.toml`."""

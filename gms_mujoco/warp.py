@@ -122,7 +122,8 @@ class Friction:
             return
         mjw.fwd_actuation(m, d)
         size = (self.nworld, m.nv)
-        forces = [d.qfrc_passive, d.qfrc_bias, d.qfrc_applied, d.qfrc_actuator]
+        # Constraints are solved after friction: what they do is what they did in the last step.
+        forces = [d.qfrc_passive, d.qfrc_bias, d.qfrc_applied, d.qfrc_actuator, d.qfrc_constraint]
         device = self.state.device
         wp.launch(_net_torque, dim=size, inputs=forces, outputs=[self._net], device=device)
         mjw.xfrc_accumulate(m, d, self._net)
@@ -145,10 +146,12 @@ def _net_torque(
     bias: wp.array2d[float],
     applied: wp.array2d[float],
     actuator: wp.array2d[float],
+    constraint: wp.array2d[float],
     net: wp.array2d[float],
 ):
     world, dof = wp.tid()  # type: ignore[misc, unused-ignore]
-    net[world, dof] = passive[world, dof] - bias[world, dof] + applied[world, dof] + actuator[world, dof]
+    smooth = passive[world, dof] - bias[world, dof] + applied[world, dof] + actuator[world, dof]
+    net[world, dof] = smooth + constraint[world, dof]
 
 
 def _solver(layout: batched.Layout) -> Any:

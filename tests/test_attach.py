@@ -112,8 +112,9 @@ def test_a_bad_sensor_is_refused_when_it_is_compiled(old, new, message):
 
 
 def test_attach_knows_its_sensors():
-    with pytest.raises(ModelError, match="sensors are power, states, torque; 'heat' given"):
-        engine.attach(AXIS, {"shaft": BEARING}, sensors=["heat"])
+    for given in ["heat"], "torque":
+        with pytest.raises(ModelError, match="sensors is a list out of power, states, torque"):
+            engine.attach(AXIS, {"shaft": BEARING}, sensors=given)
 
 
 MIXED = """<mujoco><worldbody>
@@ -130,6 +131,9 @@ MIXED = """<mujoco><worldbody>
         ("free", BEARING, "'free' is a ball or free joint"),
         ("slider", BEARING, "'slider' is a slide, the plant is for a hinge"),
         ("slider", Plant.axis(kind="slide") + effects.Viscous(coefficient=float("nan")), "viscous.coefficient"),
+        ("slider", "servo_axis", "a Plant is expected for joint 'slider', .*; 'servo_axis' given"),
+        ("slider", effects.Coulomb(coulomb=1.0), "a Plant is expected for joint 'slider', .*; Coulomb given"),
+        (0, BEARING, "no joint is called 0"),
     ],
 )
 def test_attach_refuses_in_one_line(joint, plant, message):
@@ -144,6 +148,66 @@ def test_attach_refuses_what_is_no_model(tmp_path):
     with pytest.raises(ModelError) as error:
         engine.attach("<mujoco><nonsense/></mujoco>", {"shaft": BEARING})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("model", [None, b"<mujoco/>", mujoco.MjModel.from_xml_string(AXIS)], ids=type)
+def test_attach_says_what_it_takes(model):
+    with pytest.raises(ModelError, match=f"the text of an MJCF file is expected; {type(model).__name__} given"):
+        engine.attach(model, {"shaft": BEARING})
+    with pytest.raises(ModelError, match="plants by the names of joints are expected"):
+        engine.attach(AXIS, BEARING)
+
+
+@pytest.mark.parametrize("drive", [effects.CurrentLoopLag(time=1e-3), effects.Delay(time=1e-3)], ids=lambda e: e.name)
+def test_a_model_is_changed_as_a_whole_or_not_at_all(drive):
+    spec = mujoco.MjSpec.from_string(MIXED.replace("type=\"slide\" frictionloss=\"0.1\"", "armature=\"0.01\""))
+    before = spec.to_xml()
+    coupled = effects.FlexibleCoupling(inertia=0.005, frequency=20.0)
+    with pytest.raises(ModelError, match="needs an actuator"):
+        engine.attach(spec, {"slider": Plant.axis(0.01) + effects.Coulomb(coulomb=0.1) + coupled + drive})
+    assert spec.to_xml() == before
+    engine.attach(spec, {"slider": Plant.axis(0.01) + effects.Coulomb(coulomb=0.1)}).compile()
+
+
+@pytest.mark.parametrize("drive", [effects.CurrentLoopLag(time=1e-3), effects.Delay(time=1e-3)], ids=lambda e: e.name)
+def test_a_drive_acts_on_the_joint_and_on_no_tendon_of_its_name(drive):
+    tendon = "<tendon><fixed name='shaft'><joint joint='shaft' coef='1'/></fixed></tendon>"
+    xml = AXIS.replace("</worldbody>", "</worldbody>" + tendon)
+    xml = xml.replace("</actuator>", "<motor name='pull' tendon='shaft'/></actuator>")
+    spec = engine.attach(xml, {"shaft": BEARING + drive})
+    touched = [a.name for a in spec.actuators if a.delay > 0 or a.dyntype != mujoco.mjtDyn.mjDYN_NONE]
+    assert touched == ["drive"]
+
+
+def test_a_plant_attaches_itself_and_gives_the_model():
+    model = BEARING.attach(AXIS, "shaft", sensors=["torque"]).compile()
+    assert model.nplugin == 2 and model.nsensor == 1
+
+
+def test_muscles_get_their_ranges_of_length():
+    """MuJoCo's compiler steps data then that have no plug-ins."""
+    xml = """<mujoco><worldbody><site name="wall" pos="0.1 0 -0.2"/><body><joint name="shaft" axis="0 1 0"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.1 0 0" mass="0.1"/><site name="tip" pos="0.1 0 0"/></body>
+      </worldbody>
+      <tendon><spatial name="string"><site site="wall"/><site site="tip"/></spatial></tendon>
+      <actuator><muscle tendon="string" force="2"/></actuator></mujoco>"""
+    bare = mujoco.MjModel.from_xml_string(xml)
+    model = engine.attach(xml, {"shaft": BEARING}, sensors=engine.READINGS).compile()
+    assert np.array_equal(model.actuator_lengthrange, bare.actuator_lengthrange)
+
+
+def test_data_of_another_model_have_no_friction_to_read():
+    bare = mujoco.MjModel.from_xml_string(AXIS)
+    with pytest.raises(ModelError, match="the data was made for a model with other friction"):
+        engine.friction(axis()[0], mujoco.MjData(bare), "shaft")
+
+
+def test_friction_twice_on_one_body_finds_a_name():
+    """A body holds one plug-in: the second hangs on a body inside."""
+    first = AXIS.replace("</body>", "<body name='b_friction'><geom size='0.01'/></body></body>")
+    first = first.replace('axis="0 0 1"/>', 'axis="0 0 1"/><joint name="b" axis="0 1 0"/>')
+    spec = engine.attach(first, {"shaft": BEARING})
+    assert engine.attach(spec, {"b": BEARING}).compile().nplugin == 2
 
 
 def test_attach_refuses_friction_twice():

@@ -88,6 +88,13 @@ def test_attach_writes_a_model_that_loads_with_its_friction(
     assert loaded.nplugin > 0 and (data.qfrc_passive[:2] < 0).all()
 
 
+def test_attach_takes_a_preset_by_name(robot: Path, tmp_path: Path) -> None:
+    """The inertia of a preset may be open: that of the model stays."""
+    out = tmp_path / "out.xml"
+    assert cli.main(["attach", "arm_joint", str(robot), "--joint", "elbow", "-o", str(out)]) == 0
+    assert mujoco.MjModel.from_xml_path(str(out)).nplugin == 1
+
+
 def test_attach_into_another_folder_finds_the_meshes(model: Path, tmp_path: Path) -> None:
     (tmp_path / "assets").mkdir()
     (tmp_path / "elsewhere").mkdir()

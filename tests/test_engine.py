@@ -73,7 +73,7 @@ def test_of_a_step_no_more_is_noted_than_is_read():
     """A batch copies it in every step."""
     loaded = BEARING + effects.LoadDependentFriction(coefficient=0.3)
     size = {i: axis(integration=i)[0].npluginstate for i in ("explicit", "auto", "implicit")}
-    assert size["explicit"] == 2 + 8 + 3 and size["auto"] == size["implicit"] == size["explicit"] + 3
+    assert size["explicit"] == 2 + 8 + 3 and size["auto"] == size["implicit"] == size["explicit"] + 6
     assert axis(loaded, "explicit")[0].npluginstate == size["explicit"] + 1
 
 

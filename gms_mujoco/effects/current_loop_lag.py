@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..effect import Effect
+from ..effect import Effect, actuators_of
 from ..errors import ModelError
 from ..parameter import Parameter
 
@@ -55,7 +55,7 @@ class CurrentLoopLag(Effect):
         lag = float(self.values["time"])  # type: ignore[arg-type]
         if lag == 0:
             return
-        acting = [a for a in spec.actuators if a.target == joint]
+        acting = actuators_of(spec, joint)
         if not acting:
             raise ModelError(f"current_loop_lag needs an actuator on joint {joint!r}; the model has none there")
         for a in acting:
@@ -78,8 +78,8 @@ class CurrentLoopLag(Effect):
         filters = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
         motors = (
             a
-            for a in spec.actuators
-            if a.target == joint and a.dyntype in filters and a.biastype == mujoco.mjtBias.mjBIAS_NONE
+            for a in actuators_of(spec, joint)
+            if a.dyntype in filters and a.biastype == mujoco.mjtBias.mjBIAS_NONE
         )
         lag = max((float(a.dynprm[0]) for a in motors), default=0.0)
         return cls(time=lag) if lag > 0 else None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effect import Effect
+from ..effect import Effect, actuators_of
 from ..errors import ModelError
 from ..parameter import Parameter
 
@@ -44,7 +44,8 @@ class Delay(Effect):
     def edit(self, spec: mujoco.MjSpec, joint: str) -> None:
         """Gives the actuators of the joint MuJoCo's own delay, of the same mean torque per time step.
 
-        Below one time step MuJoCo knows no delay but none and a whole step: the nearer one is taken, with a warning.
+        Below one time step MuJoCo knows no delay but none and a whole step: the nearer one is taken, with a warning. It
+        keeps as many past commands as the time step takes that the model has now: set that before.
 
         Raises:
             ModelError: no actuator acts on the joint, or one has a delay already.
@@ -55,12 +56,12 @@ class Delay(Effect):
             warnings.warn(
                 f"delay.time {time:g} s is shorter than the time step {step:g} s and becomes {nearest:g} s on joint "
                 f"{joint!r}",
-                stacklevel=4,
+                stacklevel=5,
             )
             time = nearest
         if time == 0:
             return
-        acting = [a for a in spec.actuators if a.target == joint]
+        acting = actuators_of(spec, joint)
         if not acting:
             raise ModelError(f"delay needs an actuator on joint {joint!r}; the model has none there")
         for a in acting:
@@ -73,5 +74,5 @@ class Delay(Effect):
     @classmethod
     def found(cls, spec: mujoco.MjSpec, joint: str) -> Self | None:
         """The longest delay of the actuators of the joint."""
-        time = max((a.delay for a in spec.actuators if a.target == joint), default=0.0)
+        time = max((a.delay for a in actuators_of(spec, joint)), default=0.0)
         return cls(time=time) if time > 0 else None

@@ -32,5 +32,5 @@ class LeastDuty(Effect):
         if self.values["duty"]:
             warnings.warn(
                 f"least_duty is left out of joint {joint!r}: MuJoCo has no element for it",
-                stacklevel=4,
+                stacklevel=5,
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..effect import Effect
+from ..effect import Effect, actuators_of
 from ..errors import ModelError
 from ..parameter import Parameter
 
@@ -50,7 +50,7 @@ class PositionLoop(Effect):
         """
         import mujoco
 
-        if any(a.target == joint for a in spec.actuators):
+        if actuators_of(spec, joint):
             raise ModelError(f"joint {joint!r} has an actuator already; position_loop brings its own")
         v = {k: float(x) for k, x in self.values.items()}  # type: ignore[arg-type]
         actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)

@@ -10,6 +10,7 @@ namespace gms {
 namespace {
 
 constexpr double kLoose = 0.3;   // h slope / inertia up to which what others do to a joint may be that of the last step
+constexpr double kLasting = 0.95;
 constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
 
 // Equal to the last bit: what follows from the same numbers is the same, and need not be worked out again.
@@ -136,6 +137,17 @@ const double* implicit_damping(const mjModel* m) {
   return nullptr;
 }
 
+// What hangs on a joint by a constraint has to be moved with it: A dv / h more, as if by a damper.
+GMS_SELDOM const double* with_burdens(const mjModel* m, const mjData* d, Group* g, int count, const double* damping) {
+  double* out = g->damping.data();
+  for (int i = 0; i < m->nv; i++) out[i] = damping ? damping[i] : 0;
+  for (int i = 0; i < count; i++) {
+    const Unit& x = *g->active[i].unit;
+    out[x.dof] += x.book(d)[kBurden] / m->opt.timestep;
+  }
+  return out;
+}
+
 // Puts the torque of a late joint over the step into qfrc_passive, in the place of the last one. Adding the difference
 // would be wrong by a rounding error each time.
 inline void finish(const Active& a, mjData* d, double f, double slope) {
@@ -204,7 +216,7 @@ GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, 
 // Torque of all late joints, from `bias` (qfrc_bias) and `actuator` (qfrc_actuator).
 void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, const double* actuator) {
   int n = 0;
-  bool all_loose = true;
+  bool all_loose = true, burdened = false;
   for (Instance* instance : g->instances) {
     const Unit *first = instance->units().data(), *end = first + instance->units().size();
     Late* late = instance->late.data();
@@ -217,8 +229,11 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
         late->base += now - late->sum;
         late->sum = now;
       }
-      late->own = late->base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof];
-      all_loose &= x.stiffness <= kLoose && x.book(d)[kFromOthers] != kInfinity;
+      const double* book = x.book(d);
+      late->assumed = book[kConstraint] + book[kBurden] * book[kPastAcceleration];
+      late->own = late->base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof] + late->assumed;
+      burdened |= book[kBurden] > 0;
+      all_loose &= x.stiffness <= kLoose && book[kFromOthers] != kInfinity;
       g->active[n++] = {&x, late};
     }
   }
@@ -226,6 +241,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
 
   const Active* active = g->active.data();
   const double* damping = implicit_damping(m);
+  if (burdened) damping = with_burdens(m, d, g, n, damping);
   const bool wrenches = any_wrench(m, d);
   all_loose &= !damping;
   if (wrenches || !all_loose) {
@@ -301,6 +317,24 @@ GMS_SELDOM void look_from(const mjModel* m, mjData* d, Group* g, Instance* insta
   take_unless_later(m, d, g, instance);
 }
 
+// Constraints are solved after friction, which has to know what they will do: what they did in the last step, less an
+// inertia A times what the acceleration changes by. A is the slope of the one on the other in the steps so far, of which
+// each counts kLasting times as much as the next: with A = 0 what a light joint holds by a constraint would slip out of
+// it, and after one step alone joints that share a contact would not come to rest.
+inline void note_constraint(double* book, double torque, double acceleration) {
+  if (torque == 0) {
+    book[kBurden] = book[kFounded] = 0;
+  } else {
+    const double change = acceleration - book[kPastAcceleration], before = kLasting * book[kFounded];
+    book[kFounded] = before + change * change;
+    if (book[kFounded] > 0) {
+      const double slope = (before * book[kBurden] + (book[kConstraint] - torque) * change) / book[kFounded];
+      book[kBurden] = std::fmax(slope, 0);
+    }
+  }
+  book[kConstraint] = torque;
+}
+
 // The step is over. Notes where the joint is now, and says how it has moved.
 inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x, const Late& late) {
   double *state = x.state(d), *book = x.book(d);
@@ -310,9 +344,11 @@ inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x, const Lat
   }
   book[kAheadVelocity] = d->qvel[x.dof];
   if (x.late()) {
+    const double constraint = d->qfrc_constraint[x.dof];
+    note_constraint(book, constraint, d->qacc[x.dof]);
     book[kPastAcceleration] = d->qacc[x.dof];
+    book[kFromOthers] = d->qacc[x.dof] - x.weight * (late.own - late.assumed + constraint);
     book[kSlope] = late.slope;
-    book[kFromOthers] = d->qacc_smooth[x.dof] - x.weight * late.own;
   }
   return Joint::since(x.now(d), state);
 }

@@ -2,8 +2,8 @@
 //
 // Explicit joints take their torque with the passive forces, at the position of the step. Late joints, the implicit
 // ones, wait for the torque of the actuators and solve all together for the velocities at the end of the step (see
-// Joint::slope). The load that friction depends on is what the gear transmitted in the step before: that of this step
-// follows from the friction of this step.
+// Joint::slope). What contacts, limits and equalities do to them follows from the friction of this step, and is foretold
+// from the steps before. So does the load that friction depends on: it is what the gear transmitted in the step before.
 #ifndef GMS_MUJOCO_NATIVE_EVALUATE_H_
 #define GMS_MUJOCO_NATIVE_EVALUATE_H_
 

@@ -33,11 +33,14 @@ extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 
 // After the joint's own state, in plugin_state: the torque on the joint now; where the next evaluation starts from: the
 // torque that the last advance found, and the velocity it found it at (infinite: the joint has not moved since the reset).
-// Unless an explicit step is asked for, the acceleration that had led there, the slope of the law in the last implicit
-// step (below 0: not known), and its acceleration in that step without contacts and limits, less what its own torque gave
-// (infinite: not known). Last, where friction depends on it, the load: what the gear transmitted to the link in the last
+// Unless an explicit step is asked for, the acceleration that had led there and what was left of it without the joint's
+// own torque (infinite: not known), the slope of the law in the last implicit step (below 0: not known), the torque of
+// contacts, limits and equalities in that step, the inertia that they are like, and how much that is founded on. Last, where friction depends on it, the load: what the gear transmitted to the link in the last
 // step. A batch copies all of it in every step, so that nothing stands here that may stand elsewhere.
-enum { kTorque = 0, kAhead, kAheadVelocity, kExplicit, kPastAcceleration = kExplicit, kSlope, kFromOthers, kImplicit };
+enum {
+  kTorque = 0, kAhead, kAheadVelocity, kExplicit,
+  kPastAcceleration = kExplicit, kFromOthers, kSlope, kConstraint, kBurden, kFounded, kImplicit
+};
 
 // How a joint is integrated.
 enum { kAuto = 0, kForcedExplicit, kForcedImplicit };
@@ -74,8 +77,9 @@ struct Late {  // a joint of one mjData that waits for the torque of the actuato
   // What qfrc_passive was without us, and what we wrote there. Not in plugin_state: mj_setState and finite differences
   // put that back, and qfrc_passive stays.
   double base = 0, sum = 0;
-  double own = 0;     // torque on the joint in this step, friction included
-  double slope = -1;  // of the law in this step; below 0: not known
+  double own = 0;      // torque on the joint in this step, friction included
+  double assumed = 0;  // of it what constraints give, as far as one knows before they are solved
+  double slope = -1;   // of the law in this step; below 0: not known
 };
 
 constexpr int kFew = 32;  // implicit joints that are solved for on the stack, which stays in the cache from world to world
@@ -109,7 +113,7 @@ struct Group {
   bool inside = false;  // mj_fwdActuation, called by us
   Implicit implicit;
   std::vector<Implicit::Unit> many;  // where the stack has no room
-  std::vector<double> tau, actuator, bias, force;
+  std::vector<double> tau, actuator, bias, force, damping;
   std::vector<Active> active;
 };
 

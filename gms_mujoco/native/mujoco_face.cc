@@ -38,6 +38,7 @@ struct Handle {  // what plugin_data points to
   std::shared_ptr<Group> group;
 };
 
+// Null in data that MuJoCo's compiler makes without plug-ins, to find the ranges of lengths of muscles: no friction acts.
 Handle* handle(const mjData* d, int id) { return reinterpret_cast<Handle*>(d->plugin_data[id]); }
 
 // The first of our instances below `end`; null where there is none.
@@ -96,7 +97,7 @@ int init(const mjModel* m, mjData* d, int id) {
       g.implicit.reserve(n, m->nv, m->nC);
       if (n > gms::kFew) g.many.resize(n);
       g.force.resize(m->nout);
-      for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias}) v->resize(m->nv);
+      for (std::vector<double>* v : {&g.tau, &g.actuator, &g.bias, &g.damping}) v->resize(m->nv);
       d->plugin_data[id] = reinterpret_cast<uintptr_t>(made.release());
     } else {
       report(m, id, wrong, message);
@@ -171,13 +172,17 @@ GMS_SELDOM void compute_anew(const mjModel* m, mjData* d, int id, int capability
 // Called twice in every step. Every call in it is its last act, so that none costs a register.
 void compute(const mjModel* m, mjData* d, int id, int capability) {
   Handle* h = handle(d, id);
+  if (!h) return;
   Group* g = h->group.get();
   if (h->model != m) return compute_anew(m, d, id, capability);
   if (capability == mjPLUGIN_PASSIVE) return gms::compute_passive(m, d, g, &h->instance);
   if (g->n_late > 0 && &h->instance == g->instances.back() && !g->inside) gms::compute_late(m, d, g);
 }
 
-void advance(const mjModel* m, mjData* d, int id) { gms::advance(m, d, &handle(d, id)->instance); }
+void advance(const mjModel* m, mjData* d, int id) {
+  Handle* h = handle(d, id);
+  if (h) gms::advance(m, d, &h->instance);
+}
 
 }  // namespace
 

@@ -111,6 +111,7 @@ void destroy(mjData* d, int id) {
 void reset(const mjModel*, mjtNum*, void*, int) {}
 
 void compute(const mjModel*, mjData* d, int id, int) {
+  if (!d->plugin_data[id]) return;
   for (const Sensor& x : *reinterpret_cast<const std::vector<Sensor>*>(d->plugin_data[id])) {
     const double* from = d->plugin_state + x.begin;
     std::copy(from, from + x.size, d->sensordata + x.out);
