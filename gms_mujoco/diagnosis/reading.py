@@ -56,14 +56,14 @@ class TorqueReading(Effect):
 
 
 def as_shown(reading: Effect, left: HeldOut) -> float:
-    """Squared residual of the torque as a sensor shows it, given the residual of the torque itself [N^2 m^2].
+    """Squared residual of what is read, given what is left of the torque behind a reading [N^2 m^2].
 
-    Behind what is read lies a torque with noise that grows with the square of the frequency. What two plants leave is
-    compared where the sensor shows it.
+    That torque has noise that grows with the square of the frequency, and nothing of what was read at the sensor's own:
+    there is no comparing it with what plants leave that take the reading for the torque.
 
     Args:
         reading: a TorqueReading.
-        left: of records.
+        left: by a fit with it, of records.
     """
     lag, period = float(reading.values["lag"]), float(reading.values["period"])  # type: ignore[arg-type]
     ends = np.cumsum([len(o.index) for o in left.observations])[:-1]
@@ -111,10 +111,10 @@ def ring(misfit: Misfit, x: Array, left: HeldOut, swinging: Sequence[HeldOut]) -
     near, there = reading
     sensor, behind = near.plant(there)[TorqueReading.name], cross_validated(near, there)
     least = as_shown(sensor, replace(behind, rows=behind.rows * math.sqrt(near.delivered(there))))
-    if least > min(as_shown(sensor, h) for h in swinging):
+    if least > min(h.total for h in swinging):
         return ""
     frequency = 1 / (2 * math.pi * float(sensor.values["period"]))  # type: ignore[arg-type]
-    share = 1 - least / as_shown(sensor, left)
+    share = 1 - least / left.total
     return (
         f"a torque reading that rings at {frequency:.3g} Hz, as a sensor on its own compliance does "
         f"({100 * share:.0f} % of the square)"

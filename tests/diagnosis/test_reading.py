@@ -43,7 +43,7 @@ def test_a_reading_that_rings_is_seen_at_its_frequency() -> None:
     assert misfit.cost(x) < 0.1 * result.misfit.cost(result.vector)
 
 
-def test_what_is_left_is_compared_where_the_sensor_shows_it() -> None:
+def test_what_is_left_behind_a_reading_is_told_as_the_sensor_shows_it() -> None:
     """A constant stays, a swing at the sensor's frequency grows to 1 / (2 zeta), what is far above falls as f^-2."""
     damping, n = 0.1, 4000
     observations = observe([runs(HEALTHY, seconds=n * SAMPLE_TIME)[0]], J)
