@@ -48,7 +48,11 @@ def _to_its_end(
 ) -> None:
     """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been or
     is far ahead."""
-    for k in range(MOST_ROUNDS):
+    # With another law, or once it sees the log by another of its habits, a search begins anew, and so do its rounds.
+    k, seen, said = 0, search.seen, friction.said
+    while k < MOST_ROUNDS:
+        k = k + 1 if search.seen is seen and friction.said == said else 1
+        seen, said = search.seen, friction.said
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
             return
         law = friction.better()
@@ -56,7 +60,7 @@ def _to_its_end(
             friction.take(law)
             continue
         had_room, before = friction.has_room, list(search.steps)
-        if len(search.steps) <= most and search.add_one(part(report, k / MOST_ROUNDS, (k + 1) / MOST_ROUNDS)):
+        if len(search.steps) <= most and search.add_one(part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)):
             if not had_room:  # an effect has shown that less can be left than noise was thought to leave
                 law = friction.instead(before)
             if law is not None and law.held_out.total < search.held_out.total:
@@ -68,7 +72,7 @@ def _to_its_end(
         if law is not None:
             friction.take(law)
             continue
-        report((k + 1) / MOST_ROUNDS, "checking the order")
+        report(k / MOST_ROUNDS, "checking the order")
         dropped = drop_false(search)
         if not (search.reformed() or dropped):
             break
