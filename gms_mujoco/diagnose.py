@@ -103,6 +103,7 @@ def diagnose(
     if not isinstance(runs, Dataset):
         raise DataError('a measurement set is expected first, as gms.load("folder") reads one, then a plant; '
                         f"{type(runs).__name__} given")
+    without = [without] if isinstance(without, str) else without
     for name in without:
         effects.find(name)
     report = progress or silent

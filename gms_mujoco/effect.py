@@ -58,7 +58,11 @@ class Effect:
         if len(set(sizes.values())) > 1:
             given = ", ".join(f"{k} has {n}" for k, n in sizes.items())
             raise ModelError(f"{self.name}: parameters per element must have equally many values; {given}")
-        n = next(iter(sizes.values()), elements or 1)
+        if elements is not None and not any(p.per_element for p in self.parameters):
+            raise ModelError(f"{self.name} has no elements; give its parameters by name, out of {listing(table)}")
+        if elements is not None and (isinstance(elements, bool) or not isinstance(elements, int | np.integer)):
+            raise ModelError(f"{self.name}: elements is a whole number; {elements!r} given")
+        n = next(iter(sizes.values()), 1 if elements is None else elements)
         if elements is not None and n != elements:
             raise ModelError(f"{self.name}: elements is {elements} but {next(iter(sizes))} has {n} values")
         if n < 1:

@@ -32,9 +32,9 @@ def whole(path: str | Path) -> Iterator[Path]:
     """A temporary file beside `path` that takes its name when the block ends well and is deleted when it does not.
 
     Raises:
-        GmsError: the folder does not exist or cannot be written.
+        GmsError: the folder does not exist or cannot be written, or the path is that of a device or the like.
     """
-    path = Path(path)
+    path = _followed(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
         os.close(handle)
@@ -51,13 +51,26 @@ def whole(path: str | Path) -> Iterator[Path]:
 
 def expect_writable(path: str | Path) -> Path:
     """The path of a file to be written later; raises GmsError now, before any long work, where it cannot be."""
-    path = Path(path)
+    path = _followed(path)
     if path.is_dir():
         raise GmsError(f"{path}: is a folder; expected the name of a file to write")
     if not path.parent.is_dir():
         raise GmsError(f"{path}: the folder {path.parent} does not exist")
     if not os.access(path.parent, os.W_OK):
         raise GmsError(f"{path}: the folder {path.parent} cannot be written")
+    return path
+
+
+def _followed(path: str | Path) -> Path:
+    """The path of a file to be written, behind symbolic links; GmsError where it is neither a file nor free."""
+    path = Path(path)
+    try:
+        path = path.resolve() if path.is_symlink() else path
+        other = path.exists() and not path.is_file() and not path.is_dir()
+    except OSError as error:  # a name that is too long, links that go round
+        raise GmsError(f"{path}: cannot be written ({error.strerror or error})") from None
+    if other:
+        raise GmsError(f"{path}: is no regular file; expected the name of a file to write")
     return path
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import effects
 from .effect import Effect
-from .errors import ModelError
+from .errors import ModelError, listing
 from .fit_result import FitResult, result_of
 from .identification.candidates import is_open, joined
 from .identification.frf_observation import FrfObservation, Seen, tells_another_noise, without_outliers
@@ -25,6 +25,7 @@ from .identification.screen import Screen
 from .identification.starts import ELEMENTS, other_weakenings, slipping_anew
 from .plant import Plant
 from .progress import Progress, part, silent
+from .servo_run import CONTROLLERS
 from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ def baseline(
         controller: "position" for a servo that closes its own position loop: inertia, loop and motor, dry and viscous
             friction.
     """
+    if controller not in (None, *CONTROLLERS):
+        raise ModelError(f"controller must be one of {listing(CONTROLLERS)}, or None; {controller!r} given")
     if controller == "position":
         bare = Plant.axis(inertia, kind) + effects.find("position_loop")()
         return bare + effects.find("coulomb")() + effects.find("viscous")()

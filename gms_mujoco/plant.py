@@ -56,8 +56,13 @@ class Plant:
     def __post_init__(self) -> None:
         if self.kind not in JOINT_KINDS:
             raise ModelError(f"joint kind must be one of {listing(JOINT_KINDS)}; {self.kind!r} given")
-        if self.inertia is not None and not (math.isfinite(self.inertia) and self.inertia > 0):
-            raise ModelError(f"inertia must be a positive number [kg m^2]; {self.inertia!r} given")
+        if self.inertia is not None:
+            try:
+                object.__setattr__(self, "inertia", float(self.inertia))
+            except (TypeError, ValueError, OverflowError):
+                raise ModelError(f"inertia must be a number [kg m^2]; {self.inertia!r} given") from None
+            if not (math.isfinite(self.inertia) and self.inertia > 0):
+                raise ModelError(f"inertia must be a positive number [kg m^2]; {self.inertia!r} given")
         names = [e.name for e in self.effects]
         for name in names:
             if names.count(name) > 1:
@@ -291,7 +296,7 @@ class Plant:
             lines += [f'"{k}" = [{", ".join(f"{x:.6g}" for x in row)}]' for k, row in self.covariance.items()]
         if self.provenance:
             lines += ["", "[provenance]"]
-            lines += [f"{k} = {_toml_value(v)}" for k, v in self.provenance.items()]
+            lines += [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in self.provenance.items()]
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -407,11 +412,18 @@ def _covariance(table: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     return rows
 
 
+def _toml_key(key: str) -> str:
+    return key if key.isidentifier() and key.isascii() else _toml_value(key)
+
+
 def _toml_value(value: Any) -> str:
+    if isinstance(value, np.ndarray | np.generic):
+        return _toml_value(value.tolist())
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
-    return json.dumps(str(value), ensure_ascii=False)  # the escapes of JSON are those of TOML
+    # The escapes of JSON are those of TOML, which wants one more.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, listing
 
@@ -33,13 +33,21 @@ REQUIRED = ("torque", "position")
 LOAD_ACTS = (1, -1)  # a load that acts on the axis too: in its direction, or against it
 
 
+def _seconds(time: ArrayLike) -> Array:
+    """(n,) time stamps as seconds: numbers as they are, dates and spans since the first."""
+    stamps = np.asarray(time)
+    if stamps.dtype.kind in "mM":
+        stamps = (stamps - stamps[:1]) / np.timedelta64(1, "s")
+    return np.asarray(stamps, float)
+
+
 @dataclass(frozen=True)
 class Record:
     """Equally spaced samples of one run; a frozen value.
 
     Attributes:
         name: where it comes from, for messages and plots.
-        time: (n,) [s], equally spaced.
+        time: (n,) [s], equally spaced; dates and spans of NumPy count from the first.
         signals: (n,) each, by the names in `UNITS`. `torque` is what the drive was told (or measured) to apply
             from each sample to the next; `position` is read at the sample; `reference` is where a closed loop was told
             to be, which the indirect estimate of a frequency response needs. Of a joint of a robot, `rigid_torque` is
@@ -66,7 +74,7 @@ class Record:
 
     def __post_init__(self) -> None:
         try:
-            object.__setattr__(self, "time", np.asarray(self.time, float))
+            object.__setattr__(self, "time", _seconds(self.time))
             object.__setattr__(self, "signals", {k: np.asarray(v, float) for k, v in self.signals.items()})
         except (TypeError, ValueError) as error:
             raise DataError(f"{self.name}: the signals must be numbers ({error})") from None

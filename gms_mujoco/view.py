@@ -67,8 +67,7 @@ def write_training(path: str | Path, training: Training) -> None:
         summary = rrb.TextDocumentView(origin="summary", name="test")
         left = rrb.Vertical(curve, summary, row_shares=[3, 1])
         stream.send_blueprint(rrb.Blueprint(rrb.Horizontal(left, runs), collapse_panels=True))
-        stream.flush()
-        stream.disconnect()
+        drawing.end(stream)
 
 
 def stream(

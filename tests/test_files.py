@@ -45,3 +45,17 @@ def test_a_file_is_no_folder_to_make(tmp_path: Path) -> None:
     with pytest.raises(GmsError, match="taken"):
         files.make_folder(tmp_path / "taken")
     assert files.make_folder(tmp_path / "a" / "b").is_dir()
+
+
+def test_what_is_no_regular_file_is_left_alone_and_links_are_followed(tmp_path: Path) -> None:
+    """A device that was renamed away would be gone for everybody."""
+    os.mkfifo(tmp_path / "pipe")
+    for check in (files.expect_writable, lambda path: files.write_text(path, "text")):
+        with pytest.raises(GmsError, match="pipe: is no regular file; expected the name of a file to write"):
+            check(tmp_path / "pipe")
+    (tmp_path / "behind.toml").write_text("old")
+    (tmp_path / "link.toml").symlink_to("behind.toml")
+    files.write_text(tmp_path / "link.toml", "new")
+    assert (tmp_path / "link.toml").is_symlink() and (tmp_path / "behind.toml").read_text() == "new"
+    with pytest.raises(GmsError, match="cannot be written"):
+        files.expect_writable(tmp_path / ("a" * 300))

@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -140,3 +141,21 @@ def test_a_value_is_told_inside_its_interval_with_ends_that_differ(value: float,
     low, high = map(float, interval.strip("[]").split(", "))
     assert low < float(told) < high
     assert low == pytest.approx(ends[0], abs=0.1 * (ends[1] - ends[0]))
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
+    told = {"a b": np.float64(0.1), "c": np.arange(2), "d": "\x7f"}
+    plant = replace(Plant.axis(np.float32(0.5)) + VISCOUS, provenance=told)
+    plant.save(tmp_path / "model.toml")
+    again = Plant.load(tmp_path / "model.toml")
+    assert again == plant and again.provenance == {"a b": 0.1, "c": [0, 1], "d": "\x7f"}
+    with pytest.raises(ModelError, match="inertia must be a number"):
+        Plant.axis("heavy")  # type: ignore[arg-type]
+
+
+def test_a_number_that_is_no_parameter_is_not_swallowed() -> None:
+    with pytest.raises(ModelError, match="viscous has no elements; give its parameters by name, out of coefficient"):
+        effects.find("viscous")(1.0)  # type: ignore[arg-type]
+    for elements in (0, 2.5, "a"):
+        with pytest.raises(ModelError, match="element"):
+            effects.find("gms")(elements)  # type: ignore[arg-type]

@@ -59,3 +59,9 @@ def test_any_time_is_taken_or_refused(times: list[float]) -> None:
         assert Record("run", np.array(times), {"torque": zeros, "position": zeros}).sample_time > 0
     except DataError as error:
         assert "\n" not in str(error)
+
+
+def test_dates_and_spans_of_numpy_are_seconds() -> None:
+    spans = np.arange(100) * np.timedelta64(1_000_000, "ns")
+    for stamps in (spans, np.datetime64("2026-11-29T05:00") + spans):
+        assert Record("run", stamps, SIGNALS).time == pytest.approx(TIME)

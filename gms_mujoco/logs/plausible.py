@@ -199,20 +199,26 @@ def answered(records: Sequence[Record], inertia: float | None) -> tuple[list[Rec
     """
     leaps = [_torque_leaps(r) for r in records]
     if inertia is None and any(map(len, leaps)):
-        found = _rough(records)
+        found = _rough([_between(r, rows) for r, rows in zip(records, leaps, strict=True)])
         inertia = found[0] if found else None
     out, said = [], []
     for r, rows in zip(records, leaps, strict=True):
         failed = rows[~_answers(r, rows, inertia)] if inertia and len(rows) else rows[:0]
         if len(failed):
-            kept = np.setdiff1d(np.arange(len(r)), failed)
-            torque = np.interp(np.arange(len(r)), kept, r.torque[kept])
-            out.append(replace(r, signals={**r.signals, "torque": torque}))
+            out.append(_between(r, failed))
             said.append(f"{r.name}: the torque leaps and comes back in {len(failed)} rows, first at "
                         f"{r.time[failed[0]]:.5g} s, and the axis does not answer: readings that failed, filled in")
         else:
             out.append(r)
     return out, said
+
+
+def _between(record: Record, rows: NDArray[np.intp]) -> Record:
+    """A record whose torque in some rows runs straight between those beside them."""
+    every = np.arange(len(record))
+    kept = np.setdiff1d(every, rows)
+    torque = np.interp(every, kept, record.torque[kept])
+    return replace(record, signals={**record.signals, "torque": torque})
 
 
 def _torque_leaps(record: Record) -> NDArray[np.intp]:
@@ -232,10 +238,8 @@ def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[
 
     What cannot be seen behind the encoder counts as an answer, as does an axis that rests where the torque is zero."""
     u, q, h = record.torque, record.position, record.sample_time
-    every = np.arange(len(u))
-    kept = np.setdiff1d(every, rows)
-    without = np.interp(every, kept, u[kept])
-    before = every[_SLOPE : -2 * _FEW_ROWS - 1 - _SLOPE]
+    without = _between(record, rows).torque
+    before = np.arange(len(u))[_SLOPE : -2 * _FEW_ROWS - 1 - _SLOPE]
     after = before + 2 * _FEW_ROWS + 1
 
     def speeds_up(position: Array) -> Array:

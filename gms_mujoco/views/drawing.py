@@ -10,6 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from ..errors import GmsError
 from .figure import Band, Curve, decades, largest, placed, prefixed, span, spread, thin, ticks
 
 Array = NDArray[np.float64]
@@ -20,6 +21,7 @@ _THIN, _BROAD = -0.9, -2.2  # radii; negative: in points of the screen
 _MOST = 4000  # points of one curve
 _COLUMNS = 320  # that shade a band
 _LETTER = 0.042  # width of a letter of a label in a view of a sixth of the screen, about
+_PATIENCE = 60.0  # s, until what is on its way to a file has arrived
 _BEHIND, _ABOVE = 5.0, 30.0  # draw orders: lines have 20
 
 
@@ -143,6 +145,19 @@ def _number(value: float, logarithmic: bool) -> str:
 def rgb(colour: str) -> tuple[int, int, int]:
     """Of "#rrggbb"."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def end(stream: rr.RecordingStream) -> None:
+    """Ends a stream that is saved once all of it stands in its file.
+
+    Raises:
+        GmsError: the file cannot be written.
+    """
+    try:
+        stream.flush(timeout_sec=_PATIENCE)
+    except (RuntimeError, ValueError) as error:
+        raise GmsError(f"the recording cannot be written ({error})") from None
+    stream.disconnect()
 
 
 def say(stream: rr.RecordingStream, entity: str, lines: Sequence[str]) -> None:

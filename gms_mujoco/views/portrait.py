@@ -90,8 +90,7 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
         )
         panel = rrb.TimePanel(state="hidden", timeline="time")
         stream.send_blueprint(rrb.Blueprint(whole, panel, collapse_panels=True))
-        stream.flush()
-        stream.disconnect()
+        drawing.end(stream)
 
 
 def hysteresis(plant: Plant, amplitude: Array) -> tuple[Array, Array]:

@@ -72,8 +72,7 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
             rrb.Tabs(*tabs, active_tab=0), rrb.TimePanel(state="hidden", timeline="time"), collapse_panels=True
         )
         stream.send_blueprint(blueprint)
-        stream.flush()
-        stream.disconnect()
+        drawing.end(stream)
 
 
 def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], names: list[str]) -> rrb.Container:

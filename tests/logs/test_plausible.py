@@ -236,6 +236,13 @@ def test_readings_that_were_held_are_told(tmp_path: Path) -> None:
     assert "filled in" in note
 
 
+@pytest.mark.parametrize("wrong", [1e2, 1e4, 1e20])
+def test_a_torque_that_was_read_wrong_says_nothing_of_the_inertia(wrong: float, tmp_path: Path) -> None:
+    """By which the answer of the axis is judged where none is given."""
+    runs = logged(tmp_path, torque=lambda u: np.where(np.arange(len(u)) == 601, wrong, u))
+    assert "leaps and comes back in 1 rows" in " ".join(runs.notes) and np.abs(runs.fit[0].torque).max() < wrong / 10
+
+
 @pytest.mark.parametrize("axis", ["", f"inertia = {INERTIA}"])
 @pytest.mark.parametrize("wrong", [-30.0, 30.0])
 def test_a_torque_that_the_axis_does_not_answer_was_read_wrong(axis: str, wrong: float, tmp_path: Path) -> None:
