@@ -45,8 +45,7 @@ def write_training(path: str | Path, training: Training) -> None:
     Raises:
         GmsError: the folder does not exist or cannot be written.
     """
-    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
-        stream.save(temporary)
+    with drawing.recording(path) as stream:
         stream.log("summary", rr.TextDocument(str(training)), static=True)
         at = np.arange(1.0, len(training.curve) + 1)
         curves = [
@@ -67,7 +66,6 @@ def write_training(path: str | Path, training: Training) -> None:
         summary = rrb.TextDocumentView(origin="summary", name="test")
         left = rrb.Vertical(curve, summary, row_shares=[3, 1])
         stream.send_blueprint(rrb.Blueprint(rrb.Horizontal(left, runs), collapse_panels=True))
-        drawing.end(stream)
 
 
 def stream(

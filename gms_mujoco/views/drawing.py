@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from .. import files
 from ..errors import GmsError
 from .figure import Band, Curve, decades, largest, placed, prefixed, span, spread, thin, ticks
 
@@ -147,17 +150,21 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def end(stream: rr.RecordingStream) -> None:
-    """Ends a stream that is saved once all of it stands in its file.
+@contextmanager
+def recording(path: str | Path) -> Iterator[rr.RecordingStream]:
+    """A stream into a file, which is there, and whole, when the block ends well.
 
     Raises:
-        GmsError: the file cannot be written.
+        GmsError: it cannot be written.
     """
     try:
-        stream.flush(timeout_sec=_PATIENCE)
-    except (RuntimeError, ValueError) as error:
-        raise GmsError(f"the recording cannot be written ({error})") from None
-    stream.disconnect()
+        with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
+            stream.save(temporary)
+            yield stream
+            stream.flush(timeout_sec=_PATIENCE)
+            stream.disconnect()
+    except RuntimeError as error:  # of Rerun, whose writer has come to an end
+        raise GmsError(f"{path}: cannot be written ({error})") from None
 
 
 def say(stream: rr.RecordingStream, entity: str, lines: Sequence[str]) -> None:

@@ -11,7 +11,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from .. import files
 from ..identification.motion import break_away_distance, virgin_curve
 from ..plant import Plant
 from . import drawing
@@ -45,8 +44,7 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
     replace(plant, inertia=plant.inertia or 1.0).complete()
     reach = break_away_distance(plant, _FAR)
     views = []
-    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
-        stream.save(temporary)
+    with drawing.recording(path) as stream:
 
         def show(entity: str, name: str, *drawn: object, **how: object) -> None:
             draw(stream, entity, *drawn, **how)  # type: ignore[arg-type]
@@ -90,7 +88,6 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
         )
         panel = rrb.TimePanel(state="hidden", timeline="time")
         stream.send_blueprint(rrb.Blueprint(whole, panel, collapse_panels=True))
-        drawing.end(stream)
 
 
 def hysteresis(plant: Plant, amplitude: Array) -> tuple[Array, Array]:

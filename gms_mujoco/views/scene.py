@@ -18,9 +18,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from .. import engine, files, native
+from .. import engine, native
 from ..errors import ModelError
-from .drawing import draw, part, rgb, view
+from .drawing import draw, part, recording, rgb, view
 from .figure import Curve
 
 _ROBOT, _FRICTION, _VALUES, _LOOP = "robot", "friction", "values", "loop"
@@ -246,9 +246,8 @@ def record_motion(path: str | Path, model: mujoco.MjModel, seconds: float) -> No
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
-    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
-        stream.save(temporary)
-        scene = Scene(model, data, stream, owned=True)
+    with recording(path) as stream:
+        scene = Scene(model, data, stream)
         scene()
         begin, furthest = data.qpos.copy(), 0.0
         while data.time < seconds:

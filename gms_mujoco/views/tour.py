@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from .. import effects, files
+from .. import effects
 from ..comparison.compare_frf import decibel, degrees, turned
 from ..identification.motion import break_away_distance, virgin_curve
 from . import drawing
@@ -51,8 +51,7 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
     names = step_names(facts)
     named = enumerate(zip(names, diagnosis.comparisons, strict=False))
     models = [(n, c, _colour(k, len(names))) for k, (n, c) in named]
-    with files.whole(path) as temporary, rr.RecordingStream("gms_mujoco") as stream:
-        stream.save(temporary)
+    with drawing.recording(path) as stream:
         tabs = [_verdict(stream, models, facts, names)]
         if models and models[0][1].timed:
             begun = (servo_baseline if models[0][1].servos else _baseline)(stream, models, diagnosis)
@@ -72,7 +71,6 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
             rrb.Tabs(*tabs, active_tab=0), rrb.TimePanel(state="hidden", timeline="time"), collapse_panels=True
         )
         stream.send_blueprint(blueprint)
-        drawing.end(stream)
 
 
 def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], names: list[str]) -> rrb.Container:
