@@ -137,13 +137,17 @@ const double* implicit_damping(const mjModel* m) {
   return nullptr;
 }
 
-// What hangs on a joint by a constraint has to be moved with it: A dv / h more, as if by a damper.
+// What hangs on a joint by a constraint has to be moved with it: A dv / h more, as if by a damper, where the constraint
+// would go on as it did with the acceleration of the last step. What is far from stiff may do without.
 GMS_SELDOM const double* with_burdens(const mjModel* m, const mjData* d, Group* g, int count, const double* damping) {
   double* out = g->damping.data();
   for (int i = 0; i < m->nv; i++) out[i] = damping ? damping[i] : 0;
   for (int i = 0; i < count; i++) {
-    const Unit& x = *g->active[i].unit;
-    out[x.dof] += x.book(d)[kBurden] / m->opt.timestep;
+    const Active& a = g->active[i];
+    const double *book = a.unit->book(d), burden = book[kBurden];
+    out[a.unit->dof] += burden / m->opt.timestep;
+    a.late->assumed += burden * book[kPastAcceleration];
+    a.late->own += burden * book[kPastAcceleration];
   }
   return out;
 }
@@ -230,7 +234,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
         late->sum = now;
       }
       const double* book = x.book(d);
-      late->assumed = book[kConstraint] + book[kBurden] * book[kPastAcceleration];
+      late->assumed = book[kConstraint];
       late->own = late->base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof] + late->assumed;
       burdened |= book[kBurden] > 0;
       all_loose &= x.stiffness <= kLoose && book[kFromOthers] != kInfinity;
@@ -241,9 +245,9 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
 
   const Active* active = g->active.data();
   const double* damping = implicit_damping(m);
-  if (burdened) damping = with_burdens(m, d, g, n, damping);
   const bool wrenches = any_wrench(m, d);
   all_loose &= !damping;
+  if (burdened && !all_loose) damping = with_burdens(m, d, g, n, damping);
   if (wrenches || !all_loose) {
     double* tau = g->tau.data();
     for (int i = 0; i < m->nv; i++) tau[i] = d->qfrc_passive[i] - bias[i] + d->qfrc_applied[i] + actuator[i];
