@@ -219,25 +219,28 @@ def convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[s
 
 
 def as_stated(
-    columns: dict[str, Array], stated: Mapping[str, str], joint: Joint, like: Mapping[str, str] | None = None
-) -> str | None:
+    columns: dict[str, Array], stated: Mapping[str, str], joint: Joint, like: Mapping[str, str] | None = None,
+    others: Mapping[str, Joint] | None = None,
+) -> str | None:  # fmt: skip
     """Raw numbers into SI, in place, by the units that a file states; a sentence where one is not SI already.
 
     Args:
         like: what a column measures where its name does not say it.
+        others: the joint of a column that is not of this one.
     """
     said, unknown = [], []
     for key, unit in stated.items():
-        if not units.is_unit(unit) and not units.measures(unit, (like or {}).get(key, key)) and unit not in _NO_UNITS:
+        what, of = (like or {}).get(key, key), (others or {}).get(key, joint)
+        if not units.is_unit(unit) and not units.measures(unit, what) and unit not in _NO_UNITS:
             unknown.append(f"{unit!r} beside {key}")
             continue
         try:
-            factor, offset = units.into_si(unit, (like or {}).get(key, key), joint.kind, joint.resolution)
+            factor, offset = units.into_si(unit, what, of.kind, of.resolution)
         except DataError as error:
             raise DataError(f"the file states a unit of {key}: {error}; or say otherwise with units or scale") from None
         if (factor, offset) != (1.0, 0.0):
             columns[key] = columns[key] * factor + offset
-            meant = units.in_column(unit, (like or {}).get(key, key), joint.kind)
+            meant = units.in_column(unit, what, of.kind)
             said.append(f"{key} in {unit}" + f" ({meant})" * (meant != unit and meant.lower() == unit.lower()))
     told = [f"units as the file states them: {', '.join(said)}"] if said else []
     told += [f"{', '.join(unknown)} in the file is no unit that is known: taken as SI"] if unknown else []

@@ -145,6 +145,35 @@ def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[
     """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and a
     sentence where the file states units."""
     chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
+    _expect_a_column_for_each(chosen, entry, axis)
+    unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
+    scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
+    signals, stated = columns.pick(table, chosen, columns.rate(entry))
+    stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
+    raw = [key for key in ("position", "torque", "current") if key in signals]
+    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
+    columns.convert(signals, unit, scale, axis.joint)
+    joints = {_OTHERS + k: columns.Joint(k, axis.joint.others[k], axis.resolution(k, axis.joint.others[k]))
+              for k in elsewhere}  # fmt: skip
+    for_all = any(not isinstance(subtable(entry, word).get("position", {}), Mapping) for word in ("units", "scale"))
+    for name, joint in joints.items():
+        at = elsewhere[joint.name]
+        signals[name] = columns.column(table, f"columns.position.{joint.name}", at)
+        said = columns.stated_unit(table, at, "position")
+        if said and not for_all and joint.name not in {**other_units, **other_scales}:
+            stated[name] = said
+            continue
+        signals[name] = columns.into_si(
+            signals[name], "position", other_units.get(joint.name, unit.get("position")),
+            other_scales.get(joint.name, scale.get("position")), joint.kind, joint.resolution,
+        )  # fmt: skip
+    note = columns.as_stated(signals, stated, axis.joint, dict.fromkeys(joints, "position"), joints)
+    note = note or columns.remarked(table, {**unit, **scale, **stated}, axis.joint.kind)
+    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), note
+
+
+def _expect_a_column_for_each(chosen: Mapping[str, Any], entry: Mapping[str, Any], axis: Axis) -> None:
+    """Raises DataError where one column is given for several joints."""
     if len(axis.names) > 1 and entry.get("joint") is None:
         for what in ("torque", "current", "position"):
             if what in chosen and not isinstance(entry["columns"][what], Mapping):
@@ -152,24 +181,6 @@ def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[
                     f"columns.{what}: the set is of several joints; give a column for each, as in "
                     f"{what} = {{ {axis.names[0]} = ..., {axis.names[1]} = ... }}, or say joint = \"...\" here"
                 )
-    unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
-    scale, other_scales = columns.of_joint(subtable(entry, "scale"), "scale", axis.joint)
-    signals, stated = columns.pick(table, chosen, columns.rate(entry))
-    stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
-    raw = [key for key in ("position", "torque", "current") if key in signals]
-    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
-    note = columns.as_stated(signals, stated, axis.joint) or columns.remarked(
-        table, {**unit, **scale, **stated}, axis.joint.kind
-    )
-    columns.convert(signals, unit, scale, axis.joint)
-    for other, at in elsewhere.items():
-        kind = axis.joint.others[other]
-        signals[_OTHERS + other] = columns.into_si(
-            columns.column(table, f"columns.position.{other}", at), "position",
-            other_units.get(other, unit.get("position")), other_scales.get(other, scale.get("position")),
-            kind, axis.resolution(other, kind),
-        )  # fmt: skip
-    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), note
 
 
 def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) -> list[str | None]:

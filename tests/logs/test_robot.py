@@ -194,6 +194,26 @@ def test_a_set_of_several_joints_is_read_joint_by_joint(pendulum: Path) -> None:
     assert slide is not None and np.allclose(slide[50:-50], swing[50:-50], atol=2e-2)
 
 
+@pytest.mark.parametrize("head", ["time,torque,q1 [deg],q2_mm\n", "time,torque,q1,q2\ns,-,deg,mm\n"])
+def test_the_unit_that_a_file_states_for_a_position_counts_for_every_joint(head: str, pendulum: Path) -> None:
+    t, q, _, _ = motion()
+    rows = np.stack([t, np.sin(t), np.degrees(q["hip"]), 1000 * q["slider"]], 1).tolist()
+    (pendulum.parent / "stated.csv").write_text(head + "\n".join(",".join(map(repr, row)) for row in rows))
+    hip, slider = head.splitlines()[0].split(",")[2:]
+    record = f'use = "fit"\ncolumns = {{ torque = {{ hip = "torque", slider = "torque" }}, ' \
+             f'position = {{ hip = "{hip}", slider = "{slider}" }} }}\n'
+    folder = write(pendulum.parent, 'joint = ["hip", "slider"]\n', record, time=t)
+    file = folder / "dataset.toml"
+    file.write_text(file.read_text().replace("run.csv", "stated.csv"))
+    stated = {name: load(folder, joint=name) for name in joints(folder)}
+    assert "position in deg, position of slider in mm" in stated["hip"].notes[0]
+    file.write_text(file.read_text() + 'units = { position = { hip = "deg", slider = "mm" } }\n')
+    for name, runs in stated.items():
+        declared = load(folder, joint=name).fit[0]
+        assert np.array_equal(runs.fit[0].position, declared.position)
+        assert np.array_equal(runs.fit[0].signals["rigid_torque"], declared.signals["rigid_torque"])
+
+
 @pytest.mark.parametrize(
     ("axis", "record", "words"),
     [
