@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from . import formats
 from .errors import DataError, listing
 from .logs import columns as named
-from .logs import timing
+from .logs import timing, turns
 from .logs.columns import expect_known, subtable
 from .record import USES, told_uses
 
@@ -186,8 +186,9 @@ def read_run(
     """Reads one log: time, goal and position, and whether the bridge is on; a pendulum hangs on the shaft.
 
     JSON in the layout of Rhoban's BAM has mass [kg], length [m], kp and entries with timestamp [s], position and
-    goal_position [rad], and torque_enable. A reading that is far off the median of its neighbours is a glitch of the
-    sensor and replaced by that, with a note.
+    goal_position [rad], and torque_enable. Positions that wrap are unwrapped, and the goals are taken in their turns. A
+    reading that is far off the median of its neighbours is a glitch of the sensor and replaced by that. Of both there
+    is a note.
 
     Args:
         path: a table in any format of `formats`.
@@ -227,14 +228,14 @@ def read_run(
         named.check(table, found, fewest=_FEWEST)
         if rate is None and "time" not in {**own, **stated}:
             timing.expect_clock(found["time"])
+        time, position, goal, powered = (found[k] for k in _BAM)
+        position, goal, turned = _unwrapped(position, goal, count)
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    time, position, goal, powered = (found[k] for k in _BAM)
-    usual = scipy.signal.medfilt(position, _WINDOW)
-    usual[[0, 1, -2, -1]] = position[[0, 1, -2, -1]]  # its ends are padded with zeros
+    usual = _usual(position)
     wrong = np.abs(position - usual) > _GLITCH
     glitches = f"{wrong.sum()} readings of the position were glitches: the median of their neighbours is taken"
-    notes = tuple(n for n in (read, left_out, glitches if wrong.any() else None) if n)
+    notes = tuple(n for n in (read, left_out, turned, glitches if wrong.any() else None) if n)
     mass, length, gain = (values[k] for k in _BAM_HEADER)
     name = path.name + ("" if episode is None else f" episode {episode}")
     name += "" if span is None else f" {span[0]:g} to {span[1]:g} s"
@@ -242,6 +243,27 @@ def read_run(
         name, time - time[0], goal, (powered > 0.5).astype(float), np.where(wrong, usual, position), gain,
         mass * length**2, GRAVITY * mass * length, notes,
     )  # fmt: skip
+
+
+def _unwrapped(position: Array, goal: Array, count: float | None) -> tuple[Array, Array, str | None]:
+    """Position and goal (n,) without the jumps of a reading that wraps [rad], and a sentence where there were any.
+
+    They show in the median of neighbours: a glitch would hide them.
+    """
+    usual = _usual(position)
+    smooth, note = turns.unwrapped(usual, "hinge", count)
+    if note is None:
+        return position, goal, None
+    size = turns.turn(usual, smooth)
+    position = position + size * np.round((smooth - position) / size)
+    return position, turns.beside(goal, position, size), note
+
+
+def _usual(position: Array) -> Array:
+    """(n,) median of each reading and its neighbours [rad]."""
+    usual = np.asarray(scipy.signal.medfilt(position, _WINDOW))
+    usual[[0, 1, -2, -1]] = position[[0, 1, -2, -1]]  # its ends are padded with zeros
+    return usual
 
 
 def _header(path: Path, given: Mapping[str, Any]) -> dict[str, float]:

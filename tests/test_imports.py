@@ -13,8 +13,8 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
     {"errors", "parameter", "version", "registration"},
-    {"files", "units", "timing", "progress", "recent", "figure", "tall", "folds", "noise_band", "residual_maps",
-     "native", "excitation", "free_motion", "spectra", "threads", "variances"},
+    {"files", "units", "timing", "turns", "progress", "recent", "figure", "tall", "folds", "noise_band",
+     "residual_maps", "native", "excitation", "free_motion", "spectra", "threads", "variances"},
     {"harmonics", "frf_units", "place_spectrum", "slow_signal"},
     {"record", "formats", "effect", "score"},
     {"effects", "columns", "frf", "frf_table", "distortion", "resonance"},

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 from servos import bench, run
 
 from gms_mujoco import formats
@@ -112,6 +113,30 @@ def test_a_log_of_a_servo_is_read_with_the_care_of_any_other(tmp_path) -> None:
     assert len(part.time) == 49 and part.time[0] == 0 and part.name == "log.csv 0.51 to 9 s"
     with pytest.raises(DataError, match=r"samples are 10 s apart; if its time is in ms \(100 rows a second\)"):
         table(tmp_path, "time,goal,position", 1e3 * t, goal, q)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("rad", 2 * np.pi), ("deg", 360.0), ("counts", 4096.0)])
+@pytest.mark.parametrize("shape", ["sine", "steps", "several turns"])
+def test_a_position_that_wraps_is_unwrapped_and_its_goal_stays_beside_it(unit, turn, shape, tmp_path) -> None:
+    t = 0.01 * np.arange(400)
+    goal = {"sine": 6 + np.sin(3 * t), "steps": 2.5 + 2.5 * np.floor(t), "several turns": 9 * np.sin(t)}[shape]
+    q = scipy.signal.lfilter([0.1], [1, -0.9], goal, zi=[0.9 * goal[0]])[0]
+    noise = 0.03 * np.random.default_rng(0).standard_normal(len(t))
+    units = f'units = {{ goal = "{unit}", position = "{unit}" }}\nuse = "fit"\n'
+    axis = "encoder_counts_per_rev = 4096\n"
+
+    def logged(goal: np.ndarray, position: np.ndarray):
+        raw = (x / (2 * np.pi) * turn for x in (goal, position))
+        return table(tmp_path, "time,goal,position", t, *raw, axis=axis, more=units).fit[0]
+
+    read = logged(goal if shape == "several turns" else np.mod(goal, 2 * np.pi), np.mod(q + noise, 2 * np.pi))
+    away = round((read.position[0] - q[0]) / (2 * np.pi)) * 2 * np.pi
+    np.testing.assert_allclose(read.position, q + noise + away, atol=1e-6)
+    np.testing.assert_allclose(read.goal, goal + away, atol=1e-6)
+    assert "jumps by a whole revolution" in read.notes[0] and len(read.notes) == 1
+    glitch = q + noise + 2.0 * (np.arange(len(t)) == 150)
+    both = logged(np.mod(goal, 2 * np.pi), np.mod(glitch, 2 * np.pi))
+    assert abs(both.position[150] - q[150] - away) < 0.5 and "1 readings of the position" in both.notes[-1]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Is a measurement what it says: ends without numbers, positions that wrap, units and signs that cannot be right."""
+"""Is a measurement what it says: readings that failed or were held, units and signs that cannot be right."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ from .slow_signal import Readings
 
 Array = NDArray[np.float64]
 
-_COUNTERS = range(10, 33)  # bits of a counter that runs over
-_WRAPS = 8.0  # times the steps around, that a jump of a counter is at least
 _ALIKE = 0.8  # squared correlation of two signals that are one in two units
 _OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
@@ -42,7 +40,6 @@ _CAUGHT_UP = 4.0  # counts, in one sample: less is no sign of anything
 _FEWEST_BESIDE = 6  # samples that say how fast an axis was where its reading is held
 _JUMP = 0.6  # of one distance to another, that are taken to be the same
 _OFTEN = 0.1  # of the samples of a record: an encoder that is held so often is slow, and not interrupted
-_WHOLE = 1.01  # of what a counter holds, with room for how its ends were written
 _MANY_PLACES = 20  # an axis that moves
 _MOST_IN_TURNS, _IN_TURNS = 12, 3.0  # axes in one log; times what such an axis goes from one of its rows to the next
 _FACTORS = {180 / math.pi: "deg read as rad", 1000.0: "a factor of 1000", 2 * math.pi: "revolutions read as rad"}
@@ -60,65 +57,6 @@ def back_and_forth(position: Array) -> int:
     if len(step) < 2 or step[0] <= _IN_TURNS * min(step[1:]):
         return 0
     return int(np.argmin(step)) + 1
-
-
-def unwrapped(
-    position: Array, kind: str = "hinge", count: float | None = None, what: str = "position"
-) -> tuple[Array, str | None]:
-    """Position without the jumps of a hinge that has gone round or of a counter that ran over; a sentence where there
-    were any.
-
-    Args:
-        position: (n,) [rad or m].
-        kind: of the joint.
-        count: position of one encoder count [rad or m], None where unknown.
-        what: how it is called in messages.
-
-    Raises:
-        DataError: it jumps by 360 rad, as degrees do.
-    """
-    step = np.diff(position)
-    if not len(step):
-        return position, None
-    if kind == "hinge":
-        if (jumps := _alone(step, 360.0)).any():
-            raise DataError(f"{what} jumps by 360 rad at {int(jumps.sum())} samples, as degrees do: say units = "
-                            f'{{ {what.split()[0]} = "deg" }}')
-        smooth = _without(position, step, 2 * math.pi)
-        if smooth is not None:
-            jumps = np.abs(step) > math.pi
-            return smooth, f"{what} jumps by a whole revolution at {int(jumps.sum())} samples: unwrapped"
-    for bits in _COUNTERS if count else ():
-        size = float(count or 0.0) * 2**bits
-        if (jumps := _alone(step, size)).any() and (smooth := _without(position, step, size)) is not None:
-            return smooth, (f"{what} jumps by {2**bits} counts at {int(jumps.sum())} samples, as a counter of {bits} "
-                            "bits does: unwrapped")
-    return position, None
-
-
-def _alone(step: Array, size: float) -> NDArray[np.bool_]:
-    """(n,) which steps are one of a size, or none less, between small ones."""
-    small = size / _WRAPS
-    near = np.abs(np.abs(step) - size) < small
-    calm = np.concatenate([[True, True], np.abs(step) < small, [True, True]])
-    return near & calm[1:-3] & calm[:-4] & calm[3:-1] & calm[4:]
-
-
-def _without(position: Array, step: Array, size: float) -> Array | None:
-    """Position without jumps by a size and its multiples; None where there are none, or where it still jumps.
-
-    What runs over at a size reads no more than that: positions that lie further apart only moved as fast, or were held
-    for several rows, as those are that come at a lower rate than the torque.
-    """
-    jumps = np.abs(step) > size / 2
-    if not jumps.any() or jumps.mean() > 0.1 or np.ptp(position) > _WHOLE * size:
-        return None
-    turns = -np.round(step / size) * jumps
-    smooth = position + size * np.concatenate([[0.0], np.cumsum(turns)])
-    # Beside a true wrap the joint goes on as before; anything else is for the user to look at.
-    if np.abs(np.diff(smooth)).max() > max(4 * np.quantile(np.abs(step[~jumps]), 0.99), 1e-3):
-        return None
-    return smooth
 
 
 def leap(position: Array, count: float | None = None) -> int | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import formats
 from ..errors import DataError
 from ..record import Record
-from . import columns, plausible, timing
+from . import columns, plausible, timing, turns
 from .columns import subtable
 from .encoder import common_step
 from .measured_axis import Axis
@@ -190,7 +190,7 @@ def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) 
         other = what.removeprefix(_OTHERS)
         kind = axis.joint.kind_of(other)
         count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
-        signals[what], note = plausible.unwrapped(signals[what], kind, count, what)
+        signals[what], note = turns.unwrapped(signals[what], kind, count, what)
         notes.append(note)
         if (at := plausible.leap(signals[what], count)) is not None:
             before, after = signals[what][at - 1 : at + 1]
