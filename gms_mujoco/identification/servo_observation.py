@@ -225,10 +225,11 @@ def observe_servos(runs: Sequence[ServoRun]) -> list[ServoObservation]:
     block = min(_BLOCK, total / _FEWEST_BLOCKS)
     spreads: dict[int, Array] = {}
     for group in repetitions(runs):
-        if len(group) > 1:
-            share = np.sqrt(len(group) / (len(group) - 1))
+        measured = _measured(runs, group)
+        if len(measured) > 1:
+            share = np.sqrt(len(measured) / (len(measured) - 1))
             for i in group:
-                others = [np.interp(runs[i].time, runs[k].time, runs[k].position) for k in group]
+                others = [np.interp(runs[i].time, runs[k].time, runs[k].position) for k in measured]
                 spreads[i] = share * (runs[i].position - np.mean(others, 0))
     known = list(spreads.values())
     rng = np.random.default_rng(0)
@@ -245,14 +246,19 @@ def observe_servos(runs: Sequence[ServoRun]) -> list[ServoObservation]:
     return out
 
 
+def _measured(runs: Sequence[ServoRun], group: Sequence[int]) -> list[int]:
+    """Numbers of a group's runs that were measured each by itself: a file that is given twice repeats nothing."""
+    return list({runs[k].position.tobytes(): k for k in group}.values())
+
+
 def repeatability(runs: Sequence[ServoRun]) -> float | None:
     """Mean absolute difference of a run from its repetition [rad]; None where none is repeated."""
     apart = []
     for group in repetitions(runs):
-        first = runs[group[0]]
-        for k in group[1:]:
-            again = np.interp(first.time, runs[k].time, runs[k].position)
-            apart.append(float(np.mean(np.abs(first.position - again))))
+        first, *others = _measured(runs, group)
+        for k in others:
+            again = np.interp(runs[first].time, runs[k].time, runs[k].position)
+            apart.append(float(np.mean(np.abs(runs[first].position - again))))
     return float(np.mean(apart)) if apart else None
 
 

@@ -118,6 +118,15 @@ def test_the_floor_is_how_far_a_motion_strays_from_its_repetition() -> None:
     assert np.std(mixed[4].spread) == pytest.approx(1e-3, rel=0.5)
 
 
+def test_a_run_that_is_given_twice_is_no_repetition() -> None:
+    once, again = bench(delay=0.0)[:2]
+    assert repeatability([once, once]) is None and repeatability([once, once, again]) == repeatability([once, again])
+    both, alone = observe_servos([once, once]), observe_servos([once])
+    assert np.std(both[0].spread) == pytest.approx(np.std(alone[0].spread), rel=0.3)
+    thrice, twice = observe_servos([once, once, again]), observe_servos([once, again])
+    assert np.array_equal(thrice[1].spread, twice[0].spread)
+
+
 def test_without_repetitions_the_floor_is_that_of_the_encoder() -> None:
     r = bench(delay=0.0)[0]
     rng = np.random.default_rng(0)
