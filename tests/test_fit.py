@@ -322,6 +322,17 @@ def test_a_band_that_shows_nothing_is_refused(bandwidth: float) -> None:
         fit(UNKNOWN, runs(HEALTHY, seconds=1.0), bandwidth=bandwidth)
 
 
+@pytest.mark.parametrize("samples", [16, 19, 20, 23, 24, 30])
+def test_a_record_that_is_too_short_is_named_or_else_serves(samples: int) -> None:
+    first, second = runs(HEALTHY, seconds=0.5)[:2]
+    few = second.slice(100, 100 + samples, name="few.csv")
+    for look in (lambda: fit(UNKNOWN, [first, few]), lambda: gms.compare(DRAG, [first, replace(few, use="validate")])):
+        try:
+            look()
+        except DataError as error:
+            assert f"few.csv: {few.time[-1] - few.time[0]:.3g} s in {samples} samples are too short" in str(error)
+
+
 def test_a_band_ends_with_what_the_samples_can_tell() -> None:
     rr = runs(HEALTHY, seconds=1.0)
     assert fit(UNKNOWN, rr, bandwidth=1e9).plant.provenance["bandwidth"] == 0.5 / SAMPLE_TIME

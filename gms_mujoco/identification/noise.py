@@ -124,9 +124,9 @@ def refine_noise(
         inertia: [kg m^2].
     """
     def typical(o: Observation, r: Array) -> float:
-        step = o.stride * o.record.sample_time
-        f, _, power = scipy.signal.spectrogram(r, 1 / step, nperseg=min(64, len(r)), noverlap=0, detrend="linear")
-        inside = (f > 0.1 * o.bandwidth) & (f < 0.7 * o.bandwidth)
+        n = min(_STRETCH, len(r))
+        f, _, power = scipy.signal.spectrogram(r, 1 / o.step, nperseg=n, noverlap=0, detrend="linear")
+        inside = _inside(f, o.bandwidth)
         # The median of a periodogram's exponential distribution is ln 2 of its mean.
         h = o.record.sample_time
         density = np.median(power[inside], axis=1) / np.log(2) / (2 * h)
@@ -141,6 +141,17 @@ def refine_noise(
     found = np.sqrt(each(lambda t: typical(*t), seen))
     share = _common_share(found, [o.record for o, _ in seen], inertia)
     return replace(noise, torque=min(noise.torque, float(np.median(found))), share=share)
+
+
+def shows_noise(observation: Observation) -> bool:
+    """Whether a record is long enough for `refine_noise`: its spectrum has a frequency well inside the band."""
+    n = min(_STRETCH, max(len(observation.index), 1))
+    return bool(_inside(np.asarray(np.fft.rfftfreq(n, observation.step)), observation.bandwidth).any())
+
+
+def _inside(frequency: Array, bandwidth: float) -> NDArray[np.bool_]:
+    """(n,) which frequencies are well inside a band, where its edge and the slow motion say little [Hz]."""
+    return (frequency > 0.1 * bandwidth) & (frequency < 0.7 * bandwidth)
 
 
 def _common_share(found: Array, records: Sequence[Record], inertia: float) -> float:

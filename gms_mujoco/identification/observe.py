@@ -21,10 +21,9 @@ from ..servo_run import ServoRun
 from .between_samples import mean_torque
 from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled
 from .inverse import Observation
-from .noise import choose_bandwidth, estimate_noise, rough_inertia
+from .noise import choose_bandwidth, estimate_noise, rough_inertia, shows_noise
 from .servo_observation import expect_servo, observe_servos
 
-_FEWEST = 3  # band-limited values of a record that tell anything
 _LEAST_DEVIATION = 3e-3  # of the torque in records: no model of one is better
 
 
@@ -136,7 +135,7 @@ def _deviation(records: Sequence[Record], inertia: float | None, bandwidth: floa
 def _through(record: Record, bandwidth: float) -> Observation:
     """A record through a band [Hz]; DataError where it is too short for it."""
     seen = Observation(record, bandwidth)
-    if len(seen.index) < _FEWEST:
+    if not shows_noise(seen):
         long = record.time[-1] - record.time[0]
         raise DataError(f"{record.name}: {long:.3g} s in {len(record)} samples are too short "
                         f"for a bandwidth of {bandwidth:.3g} Hz; give more of it, or another bandwidth")
