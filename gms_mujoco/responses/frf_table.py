@@ -343,10 +343,14 @@ def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -
     if len(set(sizes.values())) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in sizes.items()))
     for key, (values, at) in raw.items():
-        bad = np.flatnonzero(~(np.abs(values) < _LARGEST))
-        if len(bad):
-            place = f"line {int(at) + 1}, number {bad[0] + 1}" if per_line else table.place(int(bad[0]))
-            raise DataError(f"{place}: {key} is {values[bad[0]]}, not a finite number ({len(bad)} such)")
+        for wrong, expected in (
+            (~(np.abs(values) < _LARGEST), "not a finite number"),
+            (values <= 0 if key == "excitation" else np.zeros(len(values), bool), "not a positive amplitude"),
+        ):
+            bad = np.flatnonzero(wrong)
+            if len(bad):
+                place = f"line {int(at) + 1}, number {bad[0] + 1}" if per_line else table.place(int(bad[0]))
+                raise DataError(f"{place}: {key} is {values[bad[0]]}, {expected} ({len(bad)} such)")
 
 
 def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) -> Complex:
@@ -404,7 +408,7 @@ def _beside(
     if "excitation" in out:
         unit = declared.get("input") or frf_units.stated_of(raw["excitation"][1], file)
         try:
-            out["excitation"] = np.abs(out["excitation"]) * (sides.factor("input", unit) if unit else 1.0)
+            out["excitation"] = out["excitation"] * (sides.factor("input", unit) if unit else 1.0)
         except DataError as error:
             raise DataError(f"unit of the excitation: {error}; say units = {{ input = ... }}") from None
     if "sigma" in out:  # in dB it is that of the magnitude, half of the variance of both parts
