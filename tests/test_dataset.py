@@ -130,6 +130,18 @@ def test_a_unit_that_nobody_knows_is_said_or_refused(tmp_path: Path) -> None:
     assert len(dataset(tmp_path, text + "scale = { torque = 0.02 }\n", **percent).fit) == 1
 
 
+@pytest.mark.parametrize("unit", ["%", "A", "N", "kg", "bar", "counts", "quux"])
+def test_a_load_may_be_in_any_unit(unit: str, tmp_path: Path) -> None:
+    text = AXIS + RECORD + 'use = "fit"\n'
+    stated = dataset(tmp_path, text, **RUN, **{f"load [{unit}]": np.cos(TIME)})
+    declared = dataset(tmp_path, f'{text}units = {{ load = "{unit}" }}\n', **RUN, load=np.cos(TIME))
+    for runs in (stated, declared):
+        assert np.array_equal(runs.fit[0].signals["load"], np.cos(TIME))
+        assert runs.notes[:1] == (f"run.csv: load in {unit}: taken as it is, in that unit",)
+    torque = dataset(tmp_path, text, **RUN, **{"load [mNm]": np.cos(TIME)}).fit[0]
+    assert np.allclose(torque.signals["load"], 1e-3 * np.cos(TIME))
+
+
 def test_a_word_behind_a_bar_is_no_unit(tmp_path: Path) -> None:
     """`position_in` goes in; `time_d` is desired."""
     columns_ = {"time": TIME, "torque_m": RUN["torque"], "position_in": RUN["position"]}

@@ -218,6 +218,23 @@ def convert(columns: dict[str, Array], unit: Mapping[str, Any], scale: Mapping[s
         columns[key] = into_si(columns[key], key, unit.get(key), scale.get(key), joint.kind, joint.resolution)
 
 
+def as_it_is(kind: str, *said: dict[str, Any]) -> str | None:
+    """Takes out the unit of a load that is neither a torque nor a force, and a sentence; None where there is none.
+
+    Friction may grow with anything, and nobody asks how much a percent or a bar of it is.
+
+    Args:
+        kind: of the joint.
+        said: units by column, changed in place.
+    """
+    for table in said:
+        unit = table.get("load")
+        if isinstance(unit, str) and units.in_column(unit, "load", kind) not in units.units_of("load", kind):
+            del table["load"]
+            return f"load in {unit}: taken as it is, in that unit"
+    return None
+
+
 def as_stated(
     columns: dict[str, Array], stated: Mapping[str, str], joint: Joint, like: Mapping[str, str] | None = None,
     others: Mapping[str, Joint] | None = None,

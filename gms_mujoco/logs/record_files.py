@@ -48,8 +48,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
         episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")
         where = subtable(entry, "where")
         table = table.episode(episode).where(where)
-        signals, clock_said, note = _in_si(table, entry, axis)
-        notes = [note]
+        signals, clock_said, notes = _in_si(table, entry, axis)
         if sensed not in (None, True, False):
             raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
         by_current = "current" in signals
@@ -141,9 +140,11 @@ def _finer(declared: float | None, seen: float, kind: str) -> str | None:
     return f"positions have steps of {seen:.4g} {si}, finer than the count of {declared:.4g} {si} that was declared"
 
 
-def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[dict[str, Array], bool, str | None]:
-    """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and a
-    sentence where the file states units."""
+def _in_si(
+    table: formats.Table, entry: Mapping[str, Any], axis: Axis
+) -> tuple[dict[str, Array], bool, list[str | None]]:
+    """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and
+    sentences on units that the file states, and on a load in one of its own."""
     chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
     _expect_a_column_for_each(chosen, entry, axis)
     unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
@@ -152,6 +153,7 @@ def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[
     stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
     raw = [key for key in ("position", "torque", "current") if key in signals]
     columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
+    own = columns.as_it_is(axis.joint.kind, stated, unit) if "load" in signals and "load" not in scale else None
     columns.convert(signals, unit, scale, axis.joint)
     joints = {_OTHERS + k: columns.Joint(k, axis.joint.others[k], axis.resolution(k, axis.joint.others[k]))
               for k in elsewhere}  # fmt: skip
@@ -169,7 +171,7 @@ def _in_si(table: formats.Table, entry: Mapping[str, Any], axis: Axis) -> tuple[
         )  # fmt: skip
     note = columns.as_stated(signals, stated, axis.joint, dict.fromkeys(joints, "position"), joints)
     note = note or columns.remarked(table, {**unit, **scale, **stated}, axis.joint.kind)
-    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), note
+    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), [note, own]
 
 
 def _expect_a_column_for_each(chosen: Mapping[str, Any], entry: Mapping[str, Any], axis: Axis) -> None:
