@@ -312,7 +312,7 @@ class Plant:
         preset = MODELS / f"{path}.toml"
         path = preset if preset.is_file() else Path(path)
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8"))
+            table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         except FileNotFoundError:
             presets = listing(p.stem for p in MODELS.glob("*.toml"))
             raise ModelError(f"{path}: no such file; plants that come with the package are {presets}") from None

@@ -269,7 +269,8 @@ def _usual(position: Array) -> Array:
 def _header(path: Path, given: Mapping[str, Any]) -> dict[str, float]:
     """Gain and payload of a run, from what was given or else from the file."""
     expect_known(given, tuple(_BAM_HEADER), "")
-    document = json.loads(path.read_text(encoding="utf-8")) if path.suffix == ".json" else {}  # read once: it is JSON
+    # It was read once: it is JSON.
+    document = json.loads(path.read_text(encoding="utf-8-sig")) if path.suffix == ".json" else {}
     values = {}
     for key, name in _BAM_HEADER.items():
         value = given.get(key, document.get(name) if isinstance(document, dict) else None)

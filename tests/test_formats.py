@@ -516,6 +516,18 @@ def test_servo_log_fields_are_columns(tmp_path: Path) -> None:
     assert table.unusable["position"] == "sample 7: nothing is not a number"
 
 
+@pytest.mark.parametrize("suffix", [".json", ".jsonl"])
+def test_a_null_of_json_is_no_number_and_a_byte_order_mark_does_not_matter(suffix: str, tmp_path: Path) -> None:
+    entries = [{"t": 0.1 * i, "q": None if i == 3 else 1.0 * i, "none": None, "in": [None, 2]} for i in range(5)]
+    lines = "\n".join(map(json.dumps, entries))
+    (tmp_path / f"log{suffix}").write_text(json.dumps(entries) if suffix == ".json" else lines, encoding="utf-8-sig")
+    table = formats.read(tmp_path / f"log{suffix}")
+    assert [*table.columns] == ["t", "q", "none", "in.0", "in.1"] and not table.unusable
+    assert np.array_equal(table.columns["q"], [0, 1, 2, np.nan, 4], equal_nan=True) and table.columns["t"][3] == 0.1 * 3
+    (tmp_path / "lists.json").write_text('{"t": [0, 1, 2], "q": [null, 1, 2]}')
+    assert np.isnan(formats.read(tmp_path / "lists.json").columns["q"][0])
+
+
 def test_a_number_too_large_in_json_is_a_data_error(tmp_path: Path) -> None:
     (tmp_path / "log.json").write_text('{"t": [' + "9" * 400 + ", 1]}")
     with pytest.raises(DataError):

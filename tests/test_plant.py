@@ -35,6 +35,8 @@ def test_a_file_of_a_plant_is_the_plant(tmp_path: Path) -> None:
     told.save(tmp_path / "model.toml")
     read = Plant.load(tmp_path / "model.toml")
     assert read == PLANT and read.uncertainty == told.uncertainty and read.provenance == told.provenance
+    (tmp_path / "marked.toml").write_text(told.to_toml(), encoding="utf-8-sig")
+    assert Plant.load(tmp_path / "marked.toml") == read, "as text editors of Windows write it"
     slide = Plant.axis(kind="slide") + VISCOUS
     assert Plant.from_table(tomllib.loads(slide.to_toml())) == slide
 

@@ -49,6 +49,9 @@ def test_a_glitch_of_the_sensor_is_replaced_and_said(tmp_path) -> None:
     assert r.notes == ("1 readings of the position were glitches: the median of their neighbours is taken",)
     assert (r.time[0], r.gain, r.weight, r.inertia) == (0, 16, pytest.approx(0.4905), pytest.approx(0.005))
     assert r.powered.sum() == 20
+    text = log(tmp_path, wild=True).read_text()
+    (tmp_path / "marked.json").write_text(text, encoding="utf-8-sig")
+    assert np.array_equal(read_run(tmp_path / "marked.json").position, r.position)
     with pytest.raises(DataError, match="no such file"):
         read_run(tmp_path / "other.json")
 

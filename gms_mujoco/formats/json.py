@@ -2,7 +2,8 @@
 
 The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos), or the
 lines of a `.jsonl`; a document of equally long lists is read as columns. Single numbers beside them are no columns.
-What stands inside a field is a column by its path, "motors.elbow.position", of a list by its place, "position.0".
+What stands inside a field is a column by its path, "motors.elbow.position", of a list by its place, "position.0". A
+null is what pandas writes for a number that is missing, and NaN here too.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from . import Array, Table
 SUFFIXES = (".json", ".jsonl")
 _LINES = ".jsonl"
 _MOST_PLACES = 64  # of a list inside a sample: joints, not samples
+_ABSENT = ...  # in the place of a field that a sample lacks: no JSON is that
 
 
 def read(path: Path) -> Table:
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8-sig")
     if path.name.lower().endswith(_LINES):
         text = "[" + ",\n".join(line for line in text.split("\n") if line.strip()) + "]"
     try:
@@ -41,15 +43,15 @@ def read(path: Path) -> Table:
         if not all(isinstance(e, dict) for e in entries):
             raise DataError(f"{path}: every sample must be an object with named fields")
         flat = [_flat(e) for e in entries]
-        lists: dict[str, list[Any]] = {k: [e.get(k) for e in flat] for k in (flat[0] if flat else {})}
+        lists: dict[str, list[Any]] = {k: [e.get(k, _ABSENT) for e in flat] for k in (flat[0] if flat else {})}
     elif isinstance(document, dict):
         lists = {k: v for k, v in document.items() if isinstance(v, list)}
     else:
         raise DataError(f"{path}: expected 'entries', a list of samples; found {type(document).__name__}")
     for name, values in lists.items():
-        wrong = next((i for i, v in enumerate(values) if not isinstance(v, int | float)), None)
+        wrong = next((i for i, v in enumerate(values) if not isinstance(v, int | float | None)), None)
         if wrong is None:
-            columns[name] = np.array([float(v) for v in values])
+            columns[name] = np.array([np.nan if v is None else float(v) for v in values])
         else:
             unusable[name] = f"sample {wrong}: {_short(values[wrong])} is not a number"
     return Table(columns, unusable)
@@ -73,5 +75,5 @@ def _flat(value: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 
 
 def _short(value: Any) -> str:
-    text = "nothing" if value is None else repr(value)
+    text = "nothing" if value is _ABSENT else repr(value)
     return text if len(text) < 40 else text[:37] + "..."
