@@ -204,8 +204,6 @@ def read_run(
         DataError: the file cannot be read, or something is missing, not a number, or too short.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
     table, values = formats.read(path), _header(path, header)
     try:
         table = table.episode(episode)

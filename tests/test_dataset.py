@@ -484,6 +484,15 @@ def test_mistakes_name_the_key_and_what_was_expected(text: str, words: list[str]
     refuses(tmp_path, text, *words)
 
 
+def test_a_file_that_is_missing_is_told_with_those_that_are_there(tmp_path: Path) -> None:
+    formats.write(tmp_path / "b.json", RUN)
+    servo = '[axis]\ncontroller = "position"\n[[record]]\nfile = "A.csv"\n'
+    response = '[[frf]]\nfile = "A.csv"\ninput = "torque"\noutput = "position"\n'
+    for text in (RECORD.replace("run", "A"), response, servo):
+        refuses(tmp_path, text, "A.csv", "no such file", "; logs in that folder: b.json, run.csv")
+        refuses(tmp_path, text.replace("A.csv", "other/A.csv"), "; logs in that folder: none")
+
+
 def test_empty_and_short_files_are_named(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").touch()
     refuses(tmp_path, AXIS + '[[record]]\nfile = "empty.csv"\n', "empty.csv", "is empty")

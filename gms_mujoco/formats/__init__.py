@@ -154,6 +154,11 @@ def known(path: str | Path) -> bool:
     return Path(path).name.lower().endswith(tuple(suffixes()))
 
 
+def beside(path: Path) -> str:
+    """The logs in the folder of a file that is not there, for the end of a message."""
+    return f"logs in that folder: {listing(f.name for f in path.parent.glob('*') if known(f))}"
+
+
 def find(path: str | Path) -> ModuleType:
     """The format of a file by its suffix; raises DataError naming those that exist."""
     name = Path(path).name.lower()
@@ -173,7 +178,7 @@ def read(path: str | Path) -> Table:
     path = Path(path)
     module = find(path)
     if not os.path.isfile(path):
-        raise DataError(f"{path}: no such file")
+        raise DataError(f"{path}: no such file; {beside(path)}")
     try:
         if path.stat().st_size == 0:
             raise DataError(f"{path}: the file is empty; expected columns of numbers")

@@ -42,7 +42,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
     """
     name, use = columns.file_and_use(entry, _KEYS, key)
     if not os.path.isfile(folder / name):
-        raise DataError(f"{key}: no such file: {name}")
+        raise DataError(f"{key}: no such file: {name}; {formats.beside(folder / name)}")
     table = formats.read(folder / name)
     try:
         episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")

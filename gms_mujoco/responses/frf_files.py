@@ -50,7 +50,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
         amplitude = number(entry, "amplitude", "", drive if axis.joint.kind == "hinge" else drive.replace("N m", "N"))
         scale = number(entry, "scale", "", "SI per raw number")
         if not os.path.isfile(folder / name):
-            raise DataError(f"no such file: {name}")
+            raise DataError(f"no such file: {name}; {formats.beside(folder / name)}")
         parts = frf_table.parts(formats.read(folder / name), entry.get("response"))
         if amplitude is not None and len(parts) > 1:
             raise DataError(f"amplitude is one, and the file holds {len(parts)} responses; leave it out where the file "
