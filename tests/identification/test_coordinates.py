@@ -121,9 +121,9 @@ def test_intervals_hold_the_value_and_the_bounds(name: str, data: st.DataObject)
 
 @every_effect
 def test_labels_are_those_of_the_numbers(name: str) -> None:
-    n = 3 if any(p.per_element for p in effects.find(name).parameters) else 1
-    velocities = {p.name: 1.0 for p in effects.find(name).parameters if p.unit == "rad/s" and p.default == 0}
-    plant = Plant(1.0, (effects.find(name)(n, **velocities),), "hinge", False)
+    n = 3 if any(p.per_element for p in effects.find(name).parameters) else None
+    scales = {p.name: 1.0 for p in effects.find(name).parameters if p.is_scale and p.default == 0}
+    plant = Plant(1.0, (effects.find(name)(n, **scales),), "hinge", False)
     coordinates = Coordinates(plant)
     labels = list(coordinates.intervals(np.zeros(coordinates.size), np.eye(coordinates.size)))
     assert len(set(labels)) == len(labels)
