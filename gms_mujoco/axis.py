@@ -48,7 +48,7 @@ class Mechanism:
         self, plant: Plant | str | os.PathLike[str], model: mujoco.MjSpec | str | os.PathLike[str] | None = None,
         joint: str | None = None,
     ) -> None:
-        found = plant_of(plant)
+        found = plant_of(plant).torque_driven()
         if (model is None) != (joint is None):
             raise ModelError("model and joint go together: an MJCF file and the name of one of its joints")
         if model is None or joint is None:

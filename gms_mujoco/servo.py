@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from numbers import Integral, Real
 from typing import Any, ClassVar
 
 import mujoco
@@ -74,10 +75,12 @@ class Axes:
         self.plant = self.mechanism.plant
         if resolution is None:
             resolution = 1e-6 * (2 * math.pi if self.plant.kind == "hinge" else 1)
-        numbers = {"rate": rate, "substeps": substeps, "resolution": resolution, "episode_steps": episode_steps, "n": n}
-        for name, value in numbers.items():
-            if not 0 < value < math.inf:
+        for name, value in {"rate": rate, "resolution": resolution}.items():
+            if not isinstance(value, Real) or not 0 < value < math.inf:
                 raise ModelError(f"{name} must be positive; {value!r} given")
+        for name, count in {"substeps": substeps, "episode_steps": episode_steps, "n": n}.items():
+            if not isinstance(count, Integral) or count < 1:
+                raise ModelError(f"{name} must be a whole number from 1 on; {count!r} given")
         self.n, self.sample_time, self.substeps, self.episode_steps = n, 1 / rate, substeps, episode_steps
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)

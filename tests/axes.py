@@ -13,6 +13,12 @@ AXIS = f"""<mujoco><option timestep="0.0005" gravity="0 0 0"/>
 <worldbody><body name="rotor"><joint name="shaft" axis="0 0 1"/>
 <inertial pos="0 0 0" mass="1" diaginertia="{J} {J} {J}"/></body></worldbody>
 <actuator><motor name="drive" joint="shaft"/></actuator></mujoco>"""
+# A light body on a joint, from which a heavy one hangs by a weld.
+WELD = """<mujoco><option timestep="{h}" integrator="{integrator}"/><worldbody>
+  <body name="A"><joint name="j" type="slide" axis="0 0 -1"/>
+    <geom size="0.02" mass="0.1" contype="0" conaffinity="0"/></body>
+  <body name="B" pos="0 0 -0.2"><freejoint/><geom size="0.02" mass="1" contype="0" conaffinity="0"/></body>
+  </worldbody><equality><weld body1="A" body2="B"/></equality></mujoco>"""
 
 
 def gms(stiffness=(0.8, 0.4, 0.2, 0.1)):

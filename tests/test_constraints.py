@@ -3,15 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from axes import WELD
 
 from gms_mujoco import effects, engine
 from gms_mujoco.plant import Plant
 
-WELD = """<mujoco><option timestep="{h}" integrator="{integrator}"/><worldbody>
-  <body name="A"><joint name="j" type="slide" axis="0 0 -1"/>
-    <geom size="0.02" mass="0.1" contype="0" conaffinity="0"/></body>
-  <body name="B" pos="0 0 -0.2"><freejoint/><geom size="0.02" mass="1" contype="0" conaffinity="0"/></body>
-  </worldbody><equality><weld body1="A" body2="B"/></equality></mujoco>"""
 MIMIC = """<mujoco><option timestep="{h}" integrator="{integrator}"/><worldbody>
   <body><joint name="j" axis="0 1 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0.1 0 0" mass="0.05"/></body>
   <body pos="0 0.3 0"><joint name="other" axis="0 1 0"/>

@@ -11,7 +11,7 @@ pytest.importorskip("mujoco_warp", reason="pip install 'gms-mujoco[warp]'")
 
 import mujoco_warp as mjw
 import warp as wp
-from axes import AXIS, BEARING, DRY, FC, FS, axis, stick_slip
+from axes import AXIS, BEARING, DRY, FC, FS, WELD, axis, stick_slip
 from worlds import EVERY, catalogue, expected, motion
 
 import gms_mujoco as gms
@@ -201,6 +201,16 @@ def test_a_static_law_sticks_and_slips_as_under_the_plugin():
     state = friction.state.numpy().copy()
     mjw.forward(m, d)  # repeated evaluation changes nothing
     np.testing.assert_array_equal(friction.state.numpy(), state)
+
+
+def test_a_load_that_hangs_on_a_weld_is_held():
+    """By what the weld did in the last step: without, it slid by 20 cm."""
+    plant = gms.Plant.axis(kind="slide") + effects.Coulomb(coulomb=30.0)
+    model = gms.attach(WELD.format(h=2e-3, integrator="implicitfast"), {"j": plant}).compile()
+    m, d, _ = put(model)
+    for _ in range(500):
+        mjw.step(m, d)
+    assert np.abs(d.qpos.numpy()[:, 0]).max() < 1e-3
 
 
 def test_worlds_have_static_friction_of_their_own():
