@@ -13,7 +13,7 @@ from . import effects
 from .effect import Effect
 from .errors import ModelError, listing
 from .fit_result import FitResult, result_of
-from .identification.candidates import is_open, joined
+from .identification.candidates import VANISHED, has_phase, is_open, joined, strengths
 from .identification.frf_observation import FrfObservation, Seen, tells_another_noise, without_outliers
 from .identification.habits import as_logged, may_be_otherwise
 from .identification.least_squares import nudge
@@ -109,7 +109,26 @@ def fit(
 
 def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress) -> FitResult:
     misfit, x = _by_its_habits(plant, observations, fixed, report)
-    return _weakened_otherwise(finish(misfit, x), plant, fixed, report)
+    found = _turned_round(finish(misfit, x), plant, fixed)
+    return _weakened_otherwise(found, plant, fixed, report)
+
+
+def _turned_round(found: FitResult, plant: Plant, fixed: Collection[str]) -> FitResult:
+    """The fit from phases half a turn off those that were given, where harmonics have come to nothing: from a phase
+    more than a quarter off no step makes one larger. That found where none has, or it leaves no less."""
+    start = found.plant
+    for given in (e for e in plant.effects if has_phase(type(e)) and not e.unset):
+        size = strengths(type(given))[0].name
+        now, before = (np.abs(np.asarray(e.values[size])) for e in (found.plant[given.name], given))
+        gone = (before > 0) & (now < VANISHED * before)
+        if np.any(gone):
+            phase = np.asarray(given.values["phase"]) + math.pi * gone
+            start = start.replace(given.replace(**{size: np.where(gone, before, now), "phase": phase}))
+    if start is found.plant:
+        return found
+    misfit, x = found.misfit.onto(start, found.vector, fixed=fixed)
+    x = refined(misfit, x)
+    return finish(misfit, x) if misfit.cost(x) < found.misfit.cost(found.vector) else found
 
 
 def _weakened_otherwise(found: FitResult, plant: Plant, fixed: Collection[str], report: Progress) -> FitResult:

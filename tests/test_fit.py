@@ -457,3 +457,12 @@ def test_a_saturation_does_not_hide_all_that_a_drive_was_asked_for() -> None:
     blind = Plant.axis() + effects.find("coulomb")(coulomb=4e-3) + effects.find("torque_saturation")(limit=0.1)
     found = fit(blind, [record]).plant
     assert found["torque_saturation"].limit >= 0.99 * np.median(np.abs(record.torque))
+
+
+@pytest.mark.parametrize("off", [np.pi, 3.6])
+def test_a_harmonic_that_is_given_with_a_phase_far_off_is_found(off: float) -> None:
+    """The strength of one that acts the other way round goes to zero, and no step leads on from there."""
+    true = effects.Cogging(harmonics=[7], amplitude=[LEVEL], phase=[0.4])
+    found = fit(HEALTHY + true.replace(phase=[0.4 + off]), runs(HEALTHY + true)).plant["cogging"]
+    assert found.amplitude == pytest.approx(true.amplitude, rel=0.01)
+    assert np.cos(np.subtract(found.phase, true.phase)) == pytest.approx(1.0, abs=1e-3)

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 GENERAL_LAWS = ("gms", "lugre")
 CONTAINED_LAWS = ("coulomb", "stribeck", "dahl")  # in each of these
 _NATIVE = "frictionloss"  # what MuJoCo has, and no bearing
-_NOTHING = 1e-6  # of the strongest harmonic
+VANISHED = 1e-6  # of what a strength was, or of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 _STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
 _PART = 0.25  # of a wave, that a record passes through at least
@@ -143,7 +143,7 @@ def lean(effect: Effect) -> Effect:
         return effect
     (first, *_) = strengths(type(effect))
     size = np.abs(np.atleast_1d(effect.values[first.name]))
-    kept = size > _NOTHING * size.max()
+    kept = size > VANISHED * size.max()
     if kept.all() or not kept.any():
         return effect
     own = [p.name for p in effect.parameters if p.per_element]
