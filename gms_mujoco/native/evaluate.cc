@@ -10,7 +10,7 @@ namespace gms {
 namespace {
 
 constexpr double kLoose = 0.3;   // h slope / inertia up to which what others do to a joint may be that of the last step
-constexpr double kLasting = 0.95;
+constexpr double kLasting = 0.95;  // weight of what constraints did a step ago, beside what they do now
 constexpr double kStill = 1e-9;  // of what a joint would move under the whole jump of its law: within rounding of rest
 
 // Equal to the last bit: what follows from the same numbers is the same, and need not be worked out again.

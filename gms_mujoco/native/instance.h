@@ -35,8 +35,9 @@ extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 // torque that the last advance found, and the velocity it found it at (infinite: the joint has not moved since the reset).
 // Unless an explicit step is asked for, the acceleration that had led there and what was left of it without the joint's
 // own torque (infinite: not known), the slope of the law in the last implicit step (below 0: not known), the torque of
-// contacts, limits and equalities in that step, the inertia that they are like, and how much that is founded on. Last, where friction depends on it, the load: what the gear transmitted to the link in the last
-// step. A batch copies all of it in every step, so that nothing stands here that may stand elsewhere.
+// contacts, limits and equalities in that step, the inertia that they are like, and how much that is founded on. Last,
+// where friction depends on it, the load: what the gear transmitted to the link in the last step. A batch copies all of it
+// in every step, so that nothing stands here that may stand elsewhere.
 enum {
   kTorque = 0, kAhead, kAheadVelocity, kExplicit,
   kPastAcceleration = kExplicit, kFromOthers, kSlope, kConstraint, kBurden, kFounded, kImplicit
