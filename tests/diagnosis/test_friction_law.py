@@ -143,6 +143,7 @@ def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str)
     assert law.creep_time == pytest.approx(ahead, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
     """Elements that bend as they like leave less of a drive at its limit than the right law does by itself."""
     d = diagnose(by_mujoco("", 1.5 * LEVEL))
@@ -261,6 +262,7 @@ def test_the_law_of_a_plant_that_is_given_stays_and_the_better_one_is_told() -> 
     assert d.verdict != "adequate"
 
 
+@pytest.mark.slow
 def test_what_modulates_friction_is_found_beside_one_bristle() -> None:
     hidden = effects.AsymmetricFriction(level=0.25)
     d = diagnose(dataset(BRISTLE + hidden, SECONDS))

@@ -25,6 +25,7 @@ def test_a_wrong_inertia_is_called_that_and_no_effect(factor: float) -> None:
     assert f"The given inertia of {factor * J:.4g} kg m^2 does not fit these records" in found.steps[0].evidence
 
 
+@pytest.mark.slow
 def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
     found = diagnose(replace(dataset(HEALTHY + HIDDEN["cogging"]), inertia=0.93 * J))
     assert [e.name for e in found.found] == ["cogging"] and found.verdict == "explained"

@@ -80,6 +80,7 @@ def test_a_load_that_acts_has_to_be_there(tmp_path: Path) -> None:
 GEARED = HEALTHY + effects.LoadDependentFriction(coefficient=0.15 / LEVEL)
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_torque_of_the_drive_needs_no_load_in_the_log() -> None:
     runs = dataset(GEARED)
     assert not any(r.get("load") is not None for r in runs.records)

@@ -78,6 +78,7 @@ def test_a_joint_that_counts_backwards_is_found(tmp_path: Path, joint: str) -> N
     assert f'reversed = ["{joint}"]' in said
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_beside_a_setup(tmp_path: Path) -> None:
     # As stiff either way: Dahl friction that is stronger as a whole one way is the same with a constant torque.
     dragged = HEALTHY + gms.effects.AsymmetricFriction(level=0.25, stiffening=0.0)

@@ -72,6 +72,7 @@ def knocked(use: str) -> Dataset:
     return Dataset(Path(), (*records[:at], felt, *records[at + 1 :]), inertia=HEALTHY.inertia)
 
 
+@pytest.mark.slow
 def test_a_knock_in_records_that_are_fitted_is_told_and_counts_for_nothing_on_others():
     found = diagnose(knocked("fit"), UNKNOWN)
     assert found.verdict == "adequate" and found.remainder == ""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, SAMPLE_TIME, J, runs, slow
+from bench import HEALTHY, LEVEL, REGIMES, SAMPLE_TIME, J, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -81,7 +81,8 @@ def test_friction_that_does_not_bend_holds_whatever_it_has_to_and_stops_the_axis
     assert found.plant["viscous"].coefficient == pytest.approx(5e-5, rel=1e-6)
 
 
-@pytest.mark.parametrize("parts", [1, *slow(10)])
+@pytest.mark.slow
+@pytest.mark.parametrize("parts", [1, 10])
 def test_what_is_hidden_behind_friction_that_does_not_bend_is_named(parts: int) -> None:
     """Where the axis rests it says nothing; a third of the torque had been left there, and a `backlash` named."""
     healthy = diagnose(rigid(parts=parts))

@@ -111,6 +111,7 @@ def test_a_script_that_takes_all_at_the_beginning_of_a_step_is_followed_too() ->
     assert found.plant["viscous"].coefficient == pytest.approx(drag, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_bristle_that_mujoco_integrates_is_followed_to_a_hundredth() -> None:
     """The state that an actuator integrates is that of the step before."""
     bristle = f'lugre="{100 * LEVEL} {0.1 * np.sqrt(100 * LEVEL * J)} {LEVEL} {1.2 * LEVEL} 0.2"'
