@@ -37,7 +37,6 @@ from .identification.observe import driven, loaded, observe
 from .identification.refine import finished, gone_on
 from .identification.screen import Screen
 from .identification.time_steps import as_fitted
-from .parameter import KELVIN
 from .plant import Plant
 from .progress import Progress, part, silent
 from .threads import one_blas_thread
@@ -267,9 +266,7 @@ def _evidence(before: Step, step: Step) -> str:
         fall = "less is left of what a fit has not seen"
     gone = [e.name for e in before.result.plant.effects if e.name not in step.result.plant]
     instead = f", in the place of {' and '.join(gone)}" if gone else ""
-    found = step.result.plant[step.effect]
-    measured = any(p.unit == KELVIN and np.any(found.values[p.name]) for p in found.parameters)
-    by = ", by the temperature that was measured" if measured else ""
+    by = ", by the temperature that was measured" if step.result.plant[step.effect].thermometer else ""
     return (
         f"{step.effect}{instead}{by}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
         f"{len(step.held_out.by_record)} fit records; {lowered(effects.find(step.effect).signature)}"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ModelError, listing
-from .parameter import Parameter
+from .parameter import KELVIN, Parameter
 
 if TYPE_CHECKING:
     import mujoco
@@ -105,6 +105,11 @@ class Effect:
     def unset(self) -> tuple[str, ...]:
         """Names of the parameters that have no value yet."""
         return tuple(k for k, v in self.values.items() if np.isnan(v).any())
+
+    @property
+    def thermometer(self) -> str:
+        """Name of the parameter by which it follows a measured temperature; empty where it does not."""
+        return next((p.name for p in self.parameters if p.unit == KELVIN and np.any(self.values[p.name])), "")
 
     @property
     def packed(self) -> NDArray[np.float64]:

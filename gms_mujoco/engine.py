@@ -99,9 +99,8 @@ def attach(
     spec = spec_of(model)
     if integration not in native.INTEGRATION:
         raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
-    for reads in [sensors] if isinstance(sensors, str) else sensors:
-        if reads not in READINGS or isinstance(sensors, str):
-            raise ModelError(f"sensors is a list out of {listing(READINGS)}; {sensors!r} given")
+    if isinstance(sensors, str) or not all(reads in READINGS for reads in sensors):
+        raise ModelError(f"sensors is a list out of {listing(READINGS)}; {sensors!r} given")
     if not isinstance(plants, Mapping):
         given = type(plants).__name__
         raise ModelError(f'plants by the names of joints are expected, as {{"elbow": plant}}; {given} given')

@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, listing
+from .formats import stamps
 
 Array = NDArray[np.float64]
 
@@ -35,10 +36,11 @@ LOAD_ACTS = (1, -1)  # a load that acts on the axis too: in its direction, or ag
 
 def _seconds(time: ArrayLike) -> Array:
     """(n,) time stamps as seconds: numbers as they are, dates and spans since the first."""
-    stamps = np.asarray(time)
-    if stamps.dtype.kind in "mM":
-        stamps = (stamps - stamps[:1]) / np.timedelta64(1, "s")
-    return np.asarray(stamps, float)
+    given = np.asarray(time)
+    if given.dtype.kind not in "mM":
+        return np.asarray(given, float)
+    seconds = stamps.from_numpy(given)
+    return seconds - seconds[:1]
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,8 @@ def test_of_a_step_no_more_is_noted_than_is_read():
     size = {i: axis(integration=i)[0].npluginstate for i in ("explicit", "auto", "implicit")}
     assert size["explicit"] == 2 + 8 + 3 and size["auto"] == size["implicit"] == size["explicit"] + 6
     assert axis(loaded, "explicit")[0].npluginstate == size["explicit"] + 1
+    warm = BEARING + effects.ThermalDrift(viscous=1e-5, time_constant=1.0, temperature_scale=10.0)
+    assert axis(warm, "explicit")[0].npluginstate == size["explicit"] + 1  # its heat, and no load
 
 
 @INTEGRATIONS

@@ -42,13 +42,10 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     ),
     "load_dependent_friction": _STIFFENING,
     "position_dependent_friction": _STIFFENING,
-    "thermal_drift": (
-        {"stiffening": 1.0, "speed": 0.0, "temperature_scale": 0.0},
-        {"stiffening": 0.0, "speed": 0.0, "temperature_scale": 0.0},
-        {"stiffening": 1.0, "speed": 1.0, "temperature_scale": 0.0},
-        {"stiffening": 0.0, "speed": 1.0, "temperature_scale": 0.0},
-        {"stiffening": 1.0, "speed": 0.0, "temperature_scale": 1.0},
-        {"stiffening": 0.0, "speed": 0.0, "temperature_scale": 1.0},
+    "thermal_drift": tuple(
+        form | {"speed": speed, "temperature_scale": scale}
+        for speed, scale in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        for form in _STIFFENING
     ),
 }  # fmt: skip
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning

@@ -8,6 +8,9 @@ constexpr double kColdest = -50;  // heat, below which what is left would be no 
 
 int n_state(int) { return 1; }
 
+// Whether heat is a state, and does not come with time alone.
+bool heats(const double* p) { return p[kSpeed] > 0 || p[kScale] > 0; }
+
 // What heat goes to over an interval: what the thermometer says, or what friction gives.
 double goal(const double* p, const gms::Motion& m) {
   if (p[kScale] > 0) return std::fmax((m.temperature - gms::kRoom) / p[kScale], kColdest);
@@ -21,7 +24,7 @@ double begun(const double* p, const gms::Motion& m, double theta) {
 
 // How much of the change is left after heat theta.
 double left(const double* p, double time, double theta) {
-  return std::exp(p[kSpeed] > 0 || p[kScale] > 0 ? -theta : -time / p[kTime]);
+  return std::exp(heats(p) ? -theta : -time / p[kTime]);
 }
 
 void modulate(const double* p, int, const gms::Motion& m, const double* state, gms::Level& level) {
@@ -34,7 +37,7 @@ void modulate(const double* p, int, const gms::Motion& m, const double* state, g
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
   const double theta = begun(p, m, state[0]);
   next[0] = theta;
-  if ((p[kSpeed] > 0 || p[kScale] > 0) && m.duration > 0) {  // exact at the mean speed of the interval
+  if (heats(p) && m.duration > 0) {  // exact at the mean speed of the interval
     const double rest = goal(p, m);
     next[0] = rest + (theta - rest) * std::exp(-m.duration / p[kTime]);
   }

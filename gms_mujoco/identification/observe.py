@@ -14,7 +14,6 @@ from ..effect import LOADED
 from ..errors import DataError, ModelError
 from ..frf import FRF, usable
 from ..logs.plausible import filled
-from ..parameter import KELVIN
 from ..plant import Plant
 from ..record import Record
 from ..servo_run import ServoRun
@@ -45,9 +44,9 @@ def driven(plant: Plant, data: Sequence[Data]) -> Plant:
         return expect_servo(plant)
     without = next((d.name for d in data if isinstance(d, Record) and d.get("temperature") is None), None)
     for effect in plant.effects if without is not None else ():
-        for p in (p for p in effect.parameters if p.unit == KELVIN and np.any(effect.values[p.name])):
-            raise DataError(f"{without} has no temperature [degC], which {effect.name} follows where it has {p.name}; "
-                            f"log it, or leave {p.name} away")
+        if name := effect.thermometer:
+            raise DataError(f"{without} has no temperature [degC], which {effect.name} follows where it has {name}; "
+                            f"log it, or leave {name} away")
     return plant.torque_driven()
 
 

@@ -172,7 +172,7 @@ bool Joint::reads_load() const {
   double state[kMaxState];
   reset(state);
   const double light = torque_only(Motion{1, 1, 1, 1, 1, 0}, state);
-  return torque_only(Motion{1, 1, 1, 1, 1, 1, 0}, state) != light;
+  return torque_only(Motion{1, 1, 1, 1, 1, 1}, state) != light;
 }
 
 }  // namespace gms

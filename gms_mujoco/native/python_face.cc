@@ -29,9 +29,19 @@ GMS_API int gms_joint_add(Joint* joint, int effect, int n, const double* p) {
 GMS_API int gms_joint_n_state(const Joint* joint) { return joint->n_state(); }
 GMS_API int gms_joint_n_memory(const Joint* joint) { return joint->n_memory(); }
 
+namespace {
+
+// Sample k of a motion; `load` and `temperature` may be null: none, kRoom.
+inline gms::Sample sample(int k, const double* time, const double* position, const double* velocity, const double* load,
+                          const double* temperature) {
+  return {time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : gms::kRoom};
+}
+
+}  // namespace
+
 // Torque of the joint at n samples of a given motion, starting from `memory` (n_memory unknowns in [-1, 1];
-// null: never moved). `load` and `temperature` may be null: none, kRoom. `parts`, n x n_effects, and `states`,
-// n x n_state, may be null.
+// null: never moved). `load` and `temperature` may be null. `parts`, n x n_effects, and `states`, n x n_state,
+// may be null.
 GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, const double* position,
                               const double* velocity, const double* load, const double* temperature,
                               const double* memory, double* torque, double* parts, double* states) {
@@ -43,8 +53,7 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
     joint->reset(state.data());
   }
   for (int k = 0; k < n; k++) {
-    const gms::Sample now{time[k], position[k], velocity[k], load ? load[k] : 0,
-                          temperature ? temperature[k] : gms::kRoom};
+    const gms::Sample now = sample(k, time, position, velocity, load, temperature);
     torque[k] = joint->torque(now, state.data(), next.data(), parts ? parts + k * n_parts : nullptr);
     state.swap(next);
     if (states) std::copy(state.begin(), state.end(), states + static_cast<size_t>(k) * n_state);
@@ -63,8 +72,7 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
   }
   const Joint::Use& e = joint->uses()[use];
   for (int k = 0; k < n; k++) {
-    joint->torque({time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : gms::kRoom},
-                  state.data(), next.data());
+    joint->torque(sample(k, time, position, velocity, load, temperature), state.data(), next.data());
     state.swap(next);
     e.effect->elements(state.data() + e.state, e.n, torque);
     torque += e.n;
@@ -104,8 +112,7 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
     band.add();
   };
   for (int k = 0; k < n; k++) {
-    const gms::Motion motion = Joint::since({time[k], position[k], velocity[k], load ? load[k] : 0,
-                                             temperature ? temperature[k] : gms::kRoom}, state[0]);
+    const gms::Motion motion = Joint::since(sample(k, time, position, velocity, load, temperature), state[0]);
     Joint::alternatives(count, joints, motion, state, next, torque);
     double* to = instants ? row.data() : band.row();
     if (apart) e->effect->elements(next[0] + e->state, e->n, from.data());
@@ -263,19 +270,17 @@ GMS_API int gms_joint_mean(const Joint* joint, int n, const double* time, const 
   } else {
     joint->reset(state.data());
   }
-  const auto sample = [&](int k) {
-    return gms::Sample{time[k], position[k], velocity[k], load ? load[k] : 0, temperature ? temperature[k] : gms::kRoom};
-  };
+  const auto at = [&](int k) { return sample(k, time, position, velocity, load, temperature); };
   if (n == 0) return 0;
   Between between(*joint, tolerance, instants, most - 7 * n);  // 7: with two reversals between two samples
-  gms::Sample last = sample(0);
+  gms::Sample last = at(0);
   double f = joint->torque(last, state.data(), next.data());
   state.swap(next);
   mean[0] = f;
   between.note(0);
   double before = 0;
   for (int k = 1; k < n; k++) {
-    const gms::Sample now = sample(k);
+    const gms::Sample now = at(k);
     between.cross(k - 1, last, now, state, f);
     if (k > 1) mean[k - 1] = before + between.falling;
     before = between.rising;
