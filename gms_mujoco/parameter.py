@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 KELVIN = "K"  # unit of a rise of temperature
+DECELERATION = "rad/s^2"  # unit of what slows a body down
 WAVES = "1/rev"  # unit of a harmonic: a whole number of periods per revolution; on a slide joint rad/m, any wave number
 
 
@@ -36,6 +37,6 @@ class Parameter:
 
     @property
     def is_scale(self) -> bool:
-        """Whether others are measured by it, a velocity or a rise of temperature, which may be any by orders of
-        magnitude: zero is far from all of them, no unknown, and marks no strength."""
-        return self.unit in ("rad/s", KELVIN)
+        """Whether others are measured by it, a velocity, a deceleration or a rise of temperature, which may be any by
+        orders of magnitude: zero is far from all of them, no unknown, and marks no strength."""
+        return self.unit in ("rad/s", DECELERATION, KELVIN)

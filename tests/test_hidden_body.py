@@ -27,6 +27,23 @@ def command():
     return multisine(4000, H, 1.0, 200.0, 5e-3, np.random.default_rng(1))
 
 
+def sprung_reference(torque, h, n, slow):
+    """(n, 3) as `backlash_reference`, of two masses on a spring."""
+    v1 = v2 = q1 = q2 = f = 0.0
+    out = np.zeros((len(torque), 3))
+    dt = h / n
+    for i, u in enumerate(torque):
+        out[i] = q1, v1, f
+        for _ in range(n):
+            f = J2 * (W**2 * (q2 - q1) + 2 * ZETA * W * (v2 - v1))
+            v1 += dt * (u + f) / (J - J2)
+            v2 -= dt * f / J2
+            v2 -= max(min(v2, dt * slow), -dt * slow)
+            q1 += dt * v1
+            q2 += dt * v2
+    return out
+
+
 def two_masses(torque, h, j1=J - J2, viscous=0.0):
     """(n, 4) motor and load position, motor and load velocity; exact for a held torque."""
     k, c = J2 * W**2, 2 * ZETA * W * J2
@@ -94,7 +111,11 @@ def test_momentum_is_kept(effect, damping):
     assert np.abs(impulse + gained).max() < 2e-3 * np.abs(gained).max()
 
 
-@pytest.mark.parametrize("effect", [LOAD, PLAY], ids=["flexible_coupling", "backlash"])
+@pytest.mark.parametrize(
+    "effect",
+    [LOAD, LOAD.replace(deceleration=5.0), PLAY, PLAY.replace(deceleration=5.0)],
+    ids=["flexible_coupling", "dry flexible_coupling", "backlash", "dry backlash"],
+)
 @pytest.mark.parametrize("integration", ["explicit", "implicit"])
 def test_a_load_let_go_does_not_gain_energy(effect, integration):
     plant = Plant.axis(J) + effect.replace(damping=0.01)
@@ -116,14 +137,15 @@ def test_bounded_at_any_stiffness_and_damping(kind, damping, frequency, command)
     assert np.ptp(record.position) < 2 * np.ptp(rigid.position)
 
 
-def backlash_reference(torque, h, n):
-    """Motor position of two masses with play, semi-implicit Euler in small steps."""
+def backlash_reference(torque, h, n, slow=0.0):
+    """(n, 3) motor position and velocity and torque on it of two masses with play, semi-implicit Euler in small steps;
+    dry friction slows the load down."""
     w, zeta, half, j1 = W, 0.2, 0.01, J - J2
-    q1 = q2 = v1 = v2 = 0.0
-    out = np.zeros(len(torque))
+    q1 = q2 = v1 = v2 = f = 0.0
+    out = np.zeros((len(torque), 3))
     dt = h / n
     for i, u in enumerate(torque):
-        out[i] = q1
+        out[i] = q1, v1, f
         for _ in range(n):
             r = q2 - q1
             x = r - half if r > half else r + half if r < -half else 0.0
@@ -131,6 +153,7 @@ def backlash_reference(torque, h, n):
             f = f if f * x > 0 else 0.0
             v1 += dt * (u + f) / j1
             v2 -= dt * f / J2
+            v2 -= max(min(v2, dt * slow), -dt * slow)
             q1 += dt * v1
             q2 += dt * v2
     return out
@@ -138,11 +161,53 @@ def backlash_reference(torque, h, n):
 
 def test_simulated_backlash_moves_as_two_masses_with_play():
     torque = 8e-3 * np.cos(2 * np.pi * 8 * H * np.arange(600))
-    exact = backlash_reference(torque, H, 100)
+    exact = backlash_reference(torque, H, 100)[:, 0]
     plain = two_masses(torque, H)[:, 0]
     record = simulate(Plant.axis(J) + PLAY, torque, H, substeps=20)
     assert relative(np.diff(record.position, 2), np.diff(exact, 2)) < 0.02
     assert relative(np.diff(plain, 2), np.diff(exact, 2)) > 0.5
+
+
+@pytest.mark.parametrize("slow", [30.0, 300.0])
+@pytest.mark.parametrize("reference, effect", [(sprung_reference, LOAD), (backlash_reference, PLAY)])
+def test_a_load_with_dry_friction_moves_and_rests_as_one_of_two_masses_does(reference, effect, slow):
+    torque = (5e-3 + J2 * slow) * np.cos(2 * np.pi * 5 * H * np.arange(600))
+    exact = reference(torque, H, 200, slow)
+    plant = Plant.axis(J) + effect.replace(deceleration=slow)
+    free = Plant.axis(J) + effect
+    rubbing, gliding = (np.diff(simulate(p, torque, H, substeps=20).position, 2) for p in (plant, free))
+    assert relative(rubbing, np.diff(exact[:, 0], 2)) < 0.02
+    assert relative(gliding, np.diff(exact[:, 0], 2)) > 0.08
+    replayed = plant.joint().replay(H * np.arange(len(exact)), exact[:, 0], exact[:, 1]).torque
+    assert relative(replayed, exact[:, 2]) < 0.03
+
+
+@pytest.mark.parametrize("h", [1e-4, 5e-4, 2e-3, 5e-3, 2e-2])
+@pytest.mark.parametrize("slow", [20.0, 200.0])
+@pytest.mark.parametrize("effect", [LOAD, PLAY], ids=["flexible_coupling", "backlash"])
+def test_dry_friction_of_a_load_holds_what_it_can(effect, h, slow):
+    """A joint that pushes by less comes to rest against it, whatever the time step, and by more carries it along."""
+    plant = Plant.axis(J) + effect.replace(deceleration=slow) + effects.Viscous(coefficient=1e-4)
+    steps = round(4 / h)
+    held, driven = (
+        plant.joint().simulate(plant.driven_inertia, h, np.full(steps, times * J2 * slow), integration="implicit")
+        for times in (0.95, 1.05)
+    )
+    assert np.ptp(held.position[steps // 2 :]) < 1e-9
+    assert driven.velocity[-1] == pytest.approx(0.05 * J2 * slow / 1e-4, rel=0.02)
+
+
+def test_a_load_at_rest_in_the_gap_stays_there_while_the_joint_crosses_it():
+    t = 1e-3 * np.arange(1000)
+    q, v = 0.03 * np.sin(6 * t), 0.18 * np.cos(6 * t)
+    replay = (Plant.axis(J) + PLAY.replace(deceleration=1e3)).joint().replay(t, q, v, states=True)
+    load = q + replay.states[:, 2]  # rests but where it is pushed
+    still = np.abs(np.diff(load)) < 1e-12
+    assert 0.2 < still.mean() < 0.8
+    assert not np.any(replay.torque[1:][still & (np.abs(replay.states[1:, 2]) < 0.999 * PLAY.gap / 2)])
+    pushing = np.abs(replay.torque) > 0.5 * J2 * 1e3
+    assert pushing.mean() > 0.2
+    assert np.median(np.abs(replay.torque[pushing])) == pytest.approx(J2 * 1e3, rel=0.02)
 
 
 def test_load_in_the_gap_is_not_felt():

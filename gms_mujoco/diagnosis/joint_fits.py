@@ -33,9 +33,12 @@ Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough 
 
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
-# Of each effect that has several. Whether one has a speed, or a scale of temperature, is a form of it, and which a fit
-# finds.
+_RUBBING = ({"deceleration": 0.0}, {"deceleration": 1.0})
+# Of each effect that has several. Whether one has a speed, or a scale of temperature, or slows its load down, is a form
+# of it, and which a fit finds.
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
+    "backlash": _RUBBING,
+    "flexible_coupling": _RUBBING,
     "asymmetric_friction": (
         {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
         {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0},
@@ -80,7 +83,7 @@ class JointFits:
 
     @cached_property
     def _scales(self) -> Scales:
-        return Scales.of(self.seen)
+        return Scales.of(self.seen, self.start)
 
     def worth_trying(self, current: FitResult, rough: Sequence[Rough]) -> float:
         """A squared residual that a rough fit must come down to, to be looked at further beside these others.

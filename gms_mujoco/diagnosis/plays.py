@@ -26,7 +26,10 @@ _FREQUENCIES = (0.6, 1.0, 1.5)  # times that of a fit
 _DAMPINGS = (0.05, 0.15, 0.4)  # a contact that is damped more does not ring, and hides when it knocks
 _LOOKS = 64  # at contacts beside that of a fit, spread over a box: the valley of a stiff one is narrow, and oblique
 # Its sides, times what a fit has.
-_BESIDE = {"width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15)}
+_BESIDE = {
+    "width": (0.87, 1.15), "frequency": (0.5, 5.0), "damping": (0.33, 1.3), "inertia": (0.87, 1.15),
+    "deceleration": (0.7, 1.5),
+}  # fmt: skip
 _CLOSE = 1.1  # times the noise floor: a fit that leaves no more is the one
 _ENDS = 2  # of the contacts that are tried, fitted to their ends
 _LOOKED_AT = 3  # records, those of which most is left
@@ -58,12 +61,13 @@ def from_other_contacts(result: FitResult) -> FitResult:
 
 def _promising(result: FitResult, play: Effect, width: str) -> list[Plant]:
     """Plants with other contacts, of which a few steps leave least."""
-    own = {k: float(np.asarray(play.values[k])) for k in (width, "frequency", "damping", "inertia")}
+    names = {"width": width} | {k: k for k in _BESIDE if k != "width" and play.values[k]}
+    own = {name: float(np.asarray(play.values[name])) for name in names.values()}
     there = [
         {width: wider * own[width], "frequency": faster * own["frequency"], "damping": damping}
         for wider, faster, damping in itertools.product(_WIDTHS, _FREQUENCIES, _DAMPINGS)
     ]
-    low, high = np.log([_BESIDE["width" if k == width else k] for k in own]).T
+    low, high = np.log([_BESIDE[k] for k in names]).T
     spread = scipy.stats.qmc.Sobol(len(low), seed=0).random(_LOOKS)
     for times in np.exp(low + (high - low) * spread):
         there.append({k: float(x * own[k]) for k, x in zip(own, times, strict=True)})

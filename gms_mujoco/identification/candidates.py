@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..effect import LOADED, Effect
-from ..parameter import KELVIN, WAVES, Parameter
+from ..parameter import DECELERATION, KELVIN, WAVES, Parameter
 from ..plant import Plant
 from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
@@ -201,6 +201,8 @@ def shapes(
     for p in effect.parameters:
         if p.unit == KELVIN and scales[p.unit]:
             grids[p.name] = [0.0, _WIDE * scales[p.unit]]
+        if p.unit == DECELERATION:
+            grids[p.name] = [0.0, scales[p.unit]]
         if p.name == "phase" or not math.isnan(p.default):
             continue
         if plant is not None and plant.kind == "slide" and p.unit == WAVES:

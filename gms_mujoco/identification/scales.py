@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameter import KELVIN, WAVES
+from ..parameter import DECELERATION, KELVIN, WAVES
 from ..plant import Plant
 from .frf_observation import Seen
 
@@ -25,9 +25,10 @@ class Scales:
     acceleration: float
     sample_time: float
     temperature: float  # by which it differs, over all of them; 0 where one does not know it
+    inertia: float | None = None  # of the axis, where it is known
 
     @classmethod
-    def of(cls, observations: Sequence[Seen]) -> Scales:
+    def of(cls, observations: Sequence[Seen], plant: Plant | None = None) -> Scales:
         def pooled(values: list[Array]) -> float:
             return float(np.sqrt(np.mean([np.mean(v**2) for v in values]))) or 1.0
 
@@ -39,6 +40,7 @@ class Scales:
             pooled([o.acceleration for o in observations]),
             float(np.mean([o.sample_time for o in observations])),
             _spread_of_temperature(observations),
+            plant.inertia if plant else None,
         )
 
     def __getitem__(self, unit: str) -> float:
@@ -53,6 +55,7 @@ class Scales:
             "rad": 1.0,
             WAVES: 1 / self.position,  # on a slide joint: a radian of phase over the travel
             "rad/s": v,
+            DECELERATION: self.acceleration if self.inertia is None else t / self.inertia,
             "s": self.sample_time,
             KELVIN: self.temperature,
         }.get(unit, 1.0)

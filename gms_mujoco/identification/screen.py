@@ -131,7 +131,7 @@ class Screen:
         self.misfit, self.vector = misfit, vector
         self.plant = misfit.plant(vector)
         self.residual = misfit.residual(vector)
-        self.scales = Scales.of(misfit.observations)
+        self.scales = Scales.of(misfit.observations, self.plant)
         self.model = LinearModel(misfit, vector, self.residual)
         self._left = float(self.model.residual @ self.model.residual)
         self._delivered = misfit.delivered(vector)
