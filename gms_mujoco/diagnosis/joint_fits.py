@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -54,6 +54,7 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
 _FAR = 2.0  # times the cost of a fit: another form that leaves more after a few steps leaves more in the end
+_RUBS = 2.0  # times the squared residual that a load with dry friction has to leave, that one without may
 _LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 
 
@@ -128,12 +129,13 @@ class JointFits:
             plants = [joined(current.plant, e.replace(**form)) for e in (candidate.effect, *candidate.others)]
             near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
             tried = [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
-            ways.append((min(misfit.cost(x) for misfit, x in tried), form))
+            ways.append((min(misfit.cost(x) for misfit, x in tried) * _worth(form), form))
             fits += tried
         if candidate.strong:
             ways.sort(key=lambda t: t[0])
             fits += self.afresh(current.plant, candidate.strong, [f for _, f in ways], min(ways[0][0], below))
-        return min(fits, key=lambda t: t[0].cost(t[1]))
+        name = candidate.effect.name
+        return min(fits, key=lambda t: t[0].cost(t[1]) * _worth(t[0].coordinates.template[name].values))
 
     def afresh(
         self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], below: float
@@ -231,8 +233,18 @@ class JointFits:
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)
-                x = nudge(misfit, x, below=_FAR * cost)
-                if misfit.cost(x) <= _FAR * cost:
-                    found.append(fit_to_end(misfit, x, below=cost))
-        best = min(found, key=attrgetter("error"))
+                least = cost * _worth(result.plant[name].values) / _worth(form)
+                x = nudge(misfit, x, below=_FAR * least)
+                if misfit.cost(x) <= _FAR * least:
+                    found.append(fit_to_end(misfit, x, below=least))
+        best = min(found, key=lambda r: r.error**2 * _worth(r.plant[name].values))
         return from_other_contacts(best) if width_of(effects.find(name)) else best
+
+
+def _worth(values: Mapping[str, object]) -> float:
+    """Times the squared residual of another form of an effect, that one with these values has to stay below.
+
+    Dry friction behind a play makes the load remember less, and so leaves little less than a play without it does where that
+    knocks when noise decides, without being the one that is there.
+    """
+    return _RUBS if values.get("deceleration") else 1.0

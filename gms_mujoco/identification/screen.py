@@ -187,7 +187,10 @@ class Screen:
         if given or best.weak is None or best.weak[0] < _SHOWS * self._left:
             return []
         found = []
-        for tangents in self._in_turn(effect, list(widths(effect, self.scales, self.misfit.observations, self.plant))):
+        assert best.shape is not None
+        form = {p.name: best.shape[p.name] for p in effect.parameters if p.is_scale and p.name in best.shape}
+        tried = [w | form for w in widths(effect, self.scales, self.misfit.observations, self.plant)]
+        for tangents in self._in_turn(effect, tried):
             found.append(_Best())
             self._try(found[-1], effect, tangents)
         gains = np.array([0.0, *(b.weak[0] if b.weak else 0.0 for b in found), 0.0])
