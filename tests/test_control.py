@@ -66,6 +66,15 @@ def test_a_follower_is_the_replay_step_by_step():
     np.testing.assert_allclose(torque, replay, atol=1e-9 * np.abs(replay).max())
 
 
+@pytest.mark.parametrize("speed", [0.0, 5.0], ids=["time", "heat"])
+def test_a_follower_knows_what_time_it_is(speed):
+    plant = PLANT + gms.effects.ThermalDrift(amplitude=-0.5, time_constant=0.2, speed=speed)
+    t = np.arange(1000) * H
+    follower = control.Follower(plant, H)
+    replay = plant.joint().replay(t, 2 * t, np.append(0, np.diff(2 * t) / H)).torque
+    np.testing.assert_allclose([follower.to(2 * x) for x in t], replay, atol=1e-6 * np.abs(replay).max())
+
+
 def test_the_feedforward_of_an_identified_plant_is_its_friction_along_the_reference():
     plant = Plant.axis(J) + gms.effects.Viscous(coefficient=2.0)
     controller = control.GMSFeedforward(plant, H)

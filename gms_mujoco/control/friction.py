@@ -57,23 +57,26 @@ class Follower:
         self.state: Array | None = None
         self.position = math.nan
         self.torque = 0.0
+        self.samples = -1  # since the first one: friction may change with time
 
     def to(self, position: float) -> float:
         """Moves to a position [rad] in one sample; returns the torque on the joint there [N m]."""
         if self.state is None:
             self.position = position
-        self.torque, self.state = self._look(position, self.sample_time)
+        self.torque, self.state = self._look(position)
         self.position = position
+        self.samples += 1
         return self.torque
 
     def ahead(self, position: float) -> float:
         """The torque if it moved to a position [rad] in the next sample [N m]."""
-        return self._look(position, self.sample_time)[0]
+        return self._look(position)[0]
 
-    def _look(self, position: float, duration: float) -> tuple[float, Array]:
+    def _look(self, position: float) -> tuple[float, Array]:
+        h = self.sample_time
         motion = self.joint.simulate(
-            self._HEAVY, duration, np.zeros(2), self.position, (position - self.position) / duration,
-            state=self.state, integration="explicit", states=True,
+            self._HEAVY, h, np.zeros(2), self.position, (position - self.position) / h,
+            start=self.samples * h, state=self.state, integration="explicit", states=True,
         )
         assert motion.states is not None
         return float(motion.friction[1]), motion.states[1]
