@@ -387,6 +387,8 @@ def _train(options: argparse.Namespace) -> None:
         write_training(folder / RECORDING, result)
     print(result)
     print(f"wrote {folder}/ (policy.json; {PROGRAM} view {folder} opens the recording)")
+    if all(r.policy_away.all() for r in result.runs):
+        raise GmsError("the policy runs away in every test episode: nothing was learnt; try another --bandwidth")
 
 
 def _view(options: argparse.Namespace) -> None:

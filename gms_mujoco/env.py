@@ -88,7 +88,7 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
 
     def step(self, action: NDArray[Any]) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Holds the torque for one sample."""
-        self.axes.step(np.reshape(action, 1))
+        self.axes.step(action)
         reward, terminated = self.task.judge()
         truncated = bool(self.axes.step_number[0] >= self.axes.episode_steps)
         self._show()

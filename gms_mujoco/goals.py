@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import ModelError
 from .servo import Axes
 
 Array = NDArray[np.float64]
@@ -113,3 +114,14 @@ class Excitation:
 
 
 Goal = Tracking | Excitation
+
+
+def expect_vector(envs: Any, *goals: type[Goal]) -> Any:
+    """The native vector environment behind wrappers; raises ModelError where it is another, or has another goal."""
+    found = getattr(envs, "unwrapped", envs)
+    if not (hasattr(found, "num_envs") and isinstance(getattr(found, "task", None), goals)):
+        names = " or ".join(f"Servo{goal.__name__}" for goal in goals)
+        raise ModelError(
+            f"a vector {names} is expected, as gymnasium.make_vec makes it; {type(found).__name__} given"
+        )
+    return found

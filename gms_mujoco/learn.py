@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import files
-from .control import PID, Controller
+from .control import PID, Controller, Trace
 from .control.base import ACCELERATION, AHEAD, POSITION, VELOCITY
+from .control.follow import play
 from .errors import DataError, ModelError
 from .progress import Progress
 from .servo import Axes
@@ -34,7 +35,7 @@ NAMES = (
 )  # fmt: skip
 ELITE = 0.25  # of a generation
 TEST_EPISODES = 32
-_POLICY = "policy.json"
+_POLICY, _SCHEMA, _KIND = "policy.json", 1, "residual"
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ class Residual(Controller):
     def __init__(self, sizes: Sizes, weights: Array, bandwidth: float = 50.0) -> None:
         self.sizes, self.weights, self.bandwidth = sizes, np.asarray(weights, float), bandwidth
         self.features, self.pid = Features(sizes), PID(sizes.inertia, sizes.sample_time, bandwidth)
+        self.sample_time = sizes.sample_time
 
     def __call__(self, observation: Array) -> Any:
         many = np.atleast_2d(observation)
@@ -112,7 +114,7 @@ class Residual(Controller):
     def save(self, path: str | Path) -> None:
         """Writes the policy as JSON."""
         table = {
-            "schema": 1, "kind": "residual", "bandwidth": self.bandwidth, "sizes": vars(self.sizes),
+            "schema": _SCHEMA, "kind": _KIND, "bandwidth": self.bandwidth, "sizes": vars(self.sizes),
             "weights": dict(zip(NAMES, self.weights.tolist(), strict=True)),
         }  # fmt: skip
         files.write_text(path, json.dumps(table, indent=1) + "\n")
@@ -123,8 +125,17 @@ class Residual(Controller):
         path = Path(path) / _POLICY if Path(path).is_dir() else Path(path)
         try:
             table = json.loads(path.read_text(encoding="utf-8"))
+            given = table["schema"], table["kind"]
+            if given != (_SCHEMA, _KIND):
+                raise ValueError(f"schema and kind are {given}, expected {(_SCHEMA, _KIND)}")
             sizes = Sizes(**{k: float(v) for k, v in table["sizes"].items()})
-            return cls(sizes, np.array([float(table["weights"][n]) for n in NAMES]), float(table["bandwidth"]))
+            weights, bandwidth = [float(table["weights"][n]) for n in NAMES], float(table["bandwidth"])
+            if not np.isfinite(weights).all():
+                raise ValueError("a weight is not finite")
+            for name, value in {**vars(sizes), "bandwidth": bandwidth}.items():
+                if not 0 < value < math.inf:
+                    raise ValueError(f"{name} is {value:g}, expected a positive number")
+            return cls(sizes, np.array(weights), bandwidth)
         except OSError as error:
             raise DataError(f"{path}: cannot be read ({error.strerror})") from None
         except (ValueError, KeyError, TypeError) as error:
@@ -137,12 +148,15 @@ class Run:
 
     Attributes:
         split: of the episodes.
-        pid, policy: (n,) rms of the true tracking error [rad].
+        pid, policy: (n,) rms of the true tracking error [rad]; of an axis that ran away, the distance at which it had.
+        pid_away, policy_away: (n,) whether it ran away.
     """
 
     split: str
     pid: Array
     policy: Array
+    pid_away: NDArray[np.bool_]
+    policy_away: NDArray[np.bool_]
 
     @property
     def ratio(self) -> float:
@@ -159,7 +173,8 @@ class Training:
         curve: (generations, 2) error over that of the PID, geometric mean over the episodes: of the mean candidate,
             and of the best.
         runs: on the fixed test split and on friction held out of the training.
-        time: (steps,) [s], and traces (3, steps) of the first test episode: reference, PID, policy [rad].
+        time: (steps,) [s], and traces (3, steps) of the first test episode: reference, PID, policy [rad]; NaN once an
+            axis has run away.
         steps: samples of the environment that the training took.
     """
 
@@ -176,7 +191,13 @@ class Training:
             "schema": 1,
             "steps": self.steps,
             "curve": self.curve.tolist(),
-            **{r.split: {"ratio": r.ratio, "pid": r.pid.tolist(), "policy": r.policy.tolist()} for r in self.runs},
+            **{
+                r.split: {
+                    "ratio": r.ratio, "pid": r.pid.tolist(), "policy": r.policy.tolist(),
+                    "ran_away": {"pid": int(r.pid_away.sum()), "policy": int(r.policy_away.sum())},
+                }
+                for r in self.runs
+            },
         }
 
     def __str__(self) -> str:
@@ -187,6 +208,10 @@ class Training:
                 f"{r.split:18s} rms error {1 / r.ratio:.2f} times below the PID (median), "
                 f"better in {better} of {len(r.pid)} episodes"
             )
+            if r.pid_away.any() or r.policy_away.any():
+                lines.append(
+                    f"{'':18s} ran away: the PID in {r.pid_away.sum()}, the policy in {r.policy_away.sum()} of them"
+                )
         return "\n".join(lines)
 
 
@@ -229,7 +254,8 @@ def train(
             candidates[1] = mean
         weights = np.repeat(candidates, episodes, axis=0)
         seeds = np.tile(rng.integers(2**31, size=episodes), population + 1)
-        errors = _rms(envs, Residual(sizes, weights, bandwidth), seed=seeds.tolist()).reshape(-1, episodes)
+        trace = _played(envs, Residual(sizes, weights, bandwidth), seed=seeds.tolist())
+        errors = _rms(trace, envs.axes).reshape(-1, episodes)
         score = np.log(errors[1:] / errors[0]).mean(axis=1)  # over the PID, which has no weights
         best = candidates[1:][np.argsort(score)[:n_elite]]
         mean, deviation = best.mean(axis=0), 0.2 * deviation + 0.8 * best.std(axis=0) + 0.02 * math.exp(-k / 6)
@@ -240,14 +266,14 @@ def train(
     traces: Array = np.zeros((3, 0))
     for split in ("test", "held_out_friction"):
         test = ServoTrackingVector(TEST_EPISODES, split=split, episode_steps=episode_steps, **options)
-        found, shown = [], []
-        for w in (np.zeros(len(NAMES)), mean):
-            trace: list[Array] = []
-            found.append(_rms(test, Residual(sizes, w, bandwidth), episodes=list(range(TEST_EPISODES)), trace=trace))
-            shown.append(np.array(trace).T)
+        pid, own = (
+            _played(test, Residual(sizes, w, bandwidth), episodes=list(range(TEST_EPISODES)))
+            for w in (np.zeros(len(NAMES)), mean)
+        )
         if split == "test":
-            traces = np.stack([shown[0][0], shown[0][1], shown[1][1]])
-        runs.append(Run(split, *found))
+            longer = own if pid.ended[0] else pid  # the other may have run away
+            traces = np.stack([longer.reference[:, 0], pid.position[:, 0], own.position[:, 0]])
+        runs.append(Run(split, _rms(pid, test.axes), _rms(own, test.axes), pid.ended, own.ended))
     if progress is not None:
         progress(1.0, "")
     time = np.arange(1.0, traces.shape[1] + 1) * sizes.sample_time
@@ -261,18 +287,11 @@ def _normal(rng: np.random.Generator, population: int, size: int) -> Array:
     return np.concatenate([half, -half])[:population]
 
 
-def _rms(
-    envs: ServoTrackingVector, controller: Residual, seed: Any = None, episodes: Any = None,
-    trace: list[Array] | None = None,
-) -> Array:
-    """(n,) rms of the true tracking error [rad]; of an axis that ran away, the distance at which that is so."""
+def _played(envs: ServoTrackingVector, controller: Residual, seed: Any = None, episodes: Any = None) -> Trace:
     observation, _ = envs.reset(seed=seed, options=None if episodes is None else {"episode": episodes})
-    squares, away = np.zeros(envs.num_envs), np.zeros(envs.num_envs, bool)
-    for _ in range(envs.axes.episode_steps):
-        torque = controller(observation)
-        observation, _, terminated, _, info = envs.step(torque[:, None] / envs.axes.torque_limit)
-        squares += info["error"] ** 2
-        away |= terminated
-        if trace is not None:
-            trace.append(np.array([info["position"][0] + info["error"][0], info["position"][0]]))
-    return np.where(away, 100 * envs.axes.scale.breakaway, np.sqrt(squares / envs.axes.episode_steps))
+    return play(envs, observation, lambda seen, running: controller(seen))
+
+
+def _rms(trace: Trace, axes: Axes) -> Array:
+    """(n,) rms of the true tracking error [rad]; of an axis that ran away, the distance at which that is so."""
+    return np.where(trace.ended, 100 * axes.scale.breakaway, trace.rms())

@@ -17,13 +17,19 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from .control import PID, Controller
 from .control.base import ERROR, SPEED, TORQUE, VELOCITY
-from .errors import ModelError
+from .env import episode_option
+from .errors import GmsError, ModelError
+from .goals import Excitation, Tracking, expect_vector
 from .learn import NAMES, Features, Sizes
 from .servo import Axes
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+except ImportError:
+    raise GmsError("gms_mujoco.sb3 needs stable-baselines3: pip install 'gms-mujoco[rl]'") from None
 
 Array = NDArray[np.float64]
 
@@ -38,11 +44,11 @@ class SB3Vector(VecEnv):
         envs: `ServoTracking` or `ServoExcitation` of `gymnasium.make_vec` with `autoreset_mode="SameStep"`.
 
     Raises:
-        ModelError: the episodes of the environment do not start anew in the step in which they end.
+        ModelError: another environment, or its episodes do not start anew in the step in which they end.
     """
 
     def __init__(self, envs: Any) -> None:
-        self.envs = envs.unwrapped
+        self.envs = expect_vector(envs, Tracking, Excitation)
         if self.envs.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
             raise ModelError("stable-baselines3 needs episodes that start anew at once: autoreset_mode='SameStep'")
         self.axes: Axes = self.envs.axes
@@ -52,7 +58,8 @@ class SB3Vector(VecEnv):
     def reset(self) -> Array:
         """Begins an episode on every axis; (num_envs, 8 or 4) observations."""
         given = any(s is not None for s in self._seeds)
-        observation, _ = self.envs.reset(seed=list(self._seeds) if given else None)
+        options = {"episode": [episode_option(o) for o in self._options]}
+        observation, _ = self.envs.reset(seed=list(self._seeds) if given else None, options=options)
         self._reset_seeds()
         self._reset_options()
         return observation
@@ -65,9 +72,10 @@ class SB3Vector(VecEnv):
         """Observations, rewards, whether an episode ended, and what else is known."""
         observation, reward, terminated, truncated, info = self.envs.step(self._actions)
         ended = terminated | truncated
-        infos: list[dict[str, Any]] = [
-            {"error": e, "TimeLimit.truncated": False} for e in info.get("error", np.zeros(self.num_envs)).tolist()
-        ]
+        error = info.get("error", np.zeros(self.num_envs))
+        if "final_info" in info:  # of an episode that has ended, not of the next one
+            error = np.where(ended, info["final_info"].get("error", error), error)
+        infos: list[dict[str, Any]] = [{"error": e, "TimeLimit.truncated": False} for e in error.tolist()]
         for i in np.flatnonzero(ended):
             infos[i]["terminal_observation"] = info["final_obs"][i]
             infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
@@ -124,6 +132,7 @@ class Compensation(VecEnvWrapper):
 
     def __init__(self, venv: SB3Vector, bandwidth: float | None = 50.0) -> None:
         space = gym.spaces.Box(-10.0, 10.0, (_OBSERVED,), np.float32)
+        expect_vector(venv.envs, Tracking)
         super().__init__(venv, observation_space=space)
         self.axes, self.sizes = venv.axes, Sizes.of(venv.axes)
         self.eye, self.pid = _Eye(self.sizes), _pid(self.sizes, bandwidth)

@@ -194,10 +194,21 @@ class Axes:
         """One sample of the servo.
 
         Args:
-            action: (n,) torque over its limit, held for the sample; clipped to [-1, 1].
+            action: (n,) or (n, 1) torque over its limit, held for the sample; clipped to [-1, 1].
             skip: (n,) axes that stand still.
+
+        Raises:
+            ModelError: another number of them, or one that is not finite.
         """
-        torque = np.clip(np.asarray(action, float), -1.0, 1.0) * self.torque_limit
+        try:
+            share = np.asarray(action, float).reshape(self.n)
+        except (TypeError, ValueError):
+            given = " ".join(repr(action).split())[:60]
+            raise ModelError(f"an action is a number for each of {self.n} axes; {given} given") from None
+        if not np.isfinite(share).all():
+            i = int(np.argmin(np.isfinite(share)))
+            raise ModelError(f"an action is a finite number, torque over its limit; {share[i]} given for axis {i}")
+        torque = np.clip(share, -1.0, 1.0) * self.torque_limit
         self._ctrl[:] = torque
         self.batch.step(None if skip is None else np.flatnonzero(~skip), nstep=self.substeps)
         self.position[:] = self._qpos

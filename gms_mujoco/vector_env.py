@@ -98,7 +98,7 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         """Holds the torques for one sample; (num_envs, 1) actions."""
         fresh = self._ended
         starting: list[int] = np.flatnonzero(fresh).tolist() if fresh.any() else []
-        self.axes.step(np.reshape(actions, self.num_envs), fresh if starting else None)
+        self.axes.step(actions, fresh if starting else None)
         reward, terminated = self.task.judge()
         truncated = self.axes.step_number >= self.axes.episode_steps
         if starting:
@@ -113,7 +113,9 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             rows: list[int] = np.flatnonzero(ended).tolist()
             for i in rows:
                 final["final_obs"][i] = observation[i]
-            final["final_info"] = {k: np.where(ended, v, 0) for k, v in info.items()}
+            final["final_info"] = {
+                k: v & ended if k[0] == "_" else np.where(ended, v, 0) for k, v in info.items()
+            }
             self._begin(rows)
             observation, info = self.task.observe(), self._info() | final | {"_final_info": ended}
         return observation, reward, terminated, truncated, info

@@ -54,10 +54,13 @@ def write_training(path: str | Path, training: Training) -> None:
         ]
         draw(stream, "curve", curves, "generation", "1", "PID error over its own", "1", log=(False, True))
         reference, *others = training.traces
-        series(stream, "test/position/reference", "reference", training.time, reference, "#808080")
+        there = np.isfinite(reference)
+        series(stream, "test/position/reference", "reference", training.time[there], reference[there], "#808080")
         for name, value, colour in zip(("PID", "policy"), others, (COLOURS[1], COLOURS[2]), strict=True):
-            series(stream, f"test/position/{name}", name, training.time, value, colour)
-            series(stream, f"test/error/{name}", name, training.time, reference - value, colour)
+            there = np.isfinite(value)  # until it ran away
+            seconds, error = training.time[there], (reference - value)[there]
+            series(stream, f"test/position/{name}", name, seconds, value[there], colour)
+            series(stream, f"test/error/{name}", name, seconds, error, colour)
         curve = drawing.view("curve", "PID error over that of the candidates")
         runs = rrb.Vertical(
             rrb.TimeSeriesView(origin="test/position", name="first test episode, position"),

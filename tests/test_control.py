@@ -205,3 +205,59 @@ def test_an_axis_may_follow_its_episode_with_another_plant():
     np.testing.assert_array_equal(runs[0].reference, runs[1].reference)
     np.testing.assert_array_equal(runs[0].position[:, 0], runs[1].position[:, 0])
     assert not np.array_equal(runs[0].position[:, 1], runs[1].position[:, 1])
+
+
+def away(k: int):
+    """A controller that runs away."""
+    return lambda seen: 1.0
+
+
+def pid(k: int):
+    return control.PID(PLANT.inertia, H)
+
+
+def test_the_last_sample_is_of_the_episode_that_ends_whenever_the_next_one_begins():
+    options = {"num_envs": 3, "episode_steps": 30}
+    traces = [
+        control.follow(gym.make_vec("GmsMujoco/ServoTracking-v0", autoreset_mode=mode, **options), pid, seed=5)
+        for mode in ("NextStep", "SameStep")
+    ]
+    for name in ("reference", "position", "reading", "torque"):
+        np.testing.assert_array_equal(*(getattr(t, name) for t in traces))
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_nothing_is_told_of_an_axis_once_it_has_run_away(mode):
+    envs = gym.make_vec("GmsMujoco/ServoTracking-v0", num_envs=2, episode_steps=600, autoreset_mode=mode)
+    trace = control.follow(envs, lambda k: away(k) if k else pid(k), seed=3)
+    assert trace.ended.tolist() == [False, True] and trace.rms()[1] == np.inf > trace.rms()[0]
+    last = np.isfinite(trace.error[:, 1]).sum() - 1
+    assert 0 < last < 599 and np.isfinite(trace.error[:, 0]).all()
+    assert abs(trace.error[last, 1]) > envs.unwrapped.task.most > np.abs(trace.error[:last, 1]).max()
+    for rows in (trace.reference, trace.position, trace.reading, trace.torque):
+        assert np.isnan(rows[last + 1 :, 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("made", "make", "message"),
+    [
+        ({}, [pid(0)], "one controller for each of 2 axes is expected; 1 given"),
+        ({}, [pid(0)] * 3, "one controller for each of 2 axes is expected; 3 given"),
+        ({}, pid(0), "a controller of its own"),
+        ({}, lambda k: lambda seen: float("nan"), "a finite number, torque over its limit; nan given for axis 0"),
+        ({}, lambda k: lambda seen: None, "a finite number, torque over its limit; nan given for axis 0"),
+        ({}, lambda k: 0.5 * (control.Feedforward(1.0) + control.GMSObserver(PLANT, 1e-3)), "for samples of 0.001 s"),
+        ({"vectorization_mode": "sync"}, pid, "a vector ServoTracking is expected.*SyncVectorEnv given"),
+        ({"id": "GmsMujoco/ServoExcitation-v0"}, pid, "a vector ServoTracking is expected.*ServoExcitationVector"),
+    ],
+)
+def test_what_cannot_follow_is_refused_in_one_line(made, make, message):
+    envs = gym.make_vec(**{"id": "GmsMujoco/ServoTracking-v0", "num_envs": 2, "episode_steps": 5} | made)
+    with pytest.raises(gms.ModelError, match=message) as error:
+        control.follow(envs, make, seed=0)
+    assert "\n" not in str(error.value)
+
+
+def test_a_single_environment_follows_nothing():
+    with pytest.raises(gms.ModelError, match="a vector ServoTracking is expected"):
+        control.follow(gym.make("GmsMujoco/ServoTracking-v0"), [pid(0)])

@@ -360,9 +360,30 @@ def test_an_episode_may_start_anew_in_the_same_step():
         q, *_, their_info = theirs.step(a)
     np.testing.assert_array_equal(o, q)
     np.testing.assert_array_equal(their_info["final_obs"][1], info["final_obs"][1])
-    np.testing.assert_array_equal(their_info["final_info"]["error"], info["final_info"]["error"])
+    for key, value in their_info["final_info"].items():
+        np.testing.assert_array_equal(info["final_info"][key], value)
+        assert info["final_info"][key].dtype == value.dtype
     with pytest.raises(ModelError, match="autoreset_mode must be one of"):
         gym.make_vec(IDS[0], autoreset_mode="Never", num_envs=1)
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        (np.nan, "a finite number, torque over its limit; nan given for axis 0"),
+        (None, "nan given for axis 0"),
+        (-np.inf, "-inf given for axis 0"),
+        ([0.1, 0.2, 0.3], "a number for each of 2 axes"),
+        ("much", "a number for each of 2 axes; 'much' given"),
+    ],
+)
+def test_an_action_is_a_finite_number(action, message):
+    envs = gym.make_vec(IDS[0], num_envs=2).unwrapped
+    envs.reset(seed=0)
+    with pytest.raises(ModelError, match=message) as error:
+        envs.step([[action], [0.1]] if np.ndim(action) == 0 and not isinstance(action, str) else action)
+    assert "\n" not in str(error.value)
+    assert not envs.axes.step_number.any(), "nothing has moved"
 
 
 def test_a_plant_may_be_a_file(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from gms_mujoco import cli, learn
 from gms_mujoco.control import PID, follow
-from gms_mujoco.errors import DataError
+from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.plant import Plant
 
 SIZES = learn.Sizes(2.4e-5, 5e-4, 4.5e-3, 4e-3)
@@ -73,6 +73,41 @@ def test_a_file_that_is_no_policy_is_refused(tmp_path):
     (tmp_path / "policy.json").write_text('{"sizes": {}}')
     with pytest.raises(DataError, match="not a policy"):
         learn.Residual.load(tmp_path)
+    learn.Residual(SIZES, np.ones(12)).save(tmp_path / "policy.json")
+    right = json.loads((tmp_path / "policy.json").read_text())
+    for change, message in (
+        ({"schema": 7}, r"schema and kind are \(7, 'residual'\)"),
+        ({"kind": "other"}, "schema and kind are"),
+        ({"weights": right["weights"] | {"drag": float("nan")}}, "a weight is not finite"),
+        ({"sizes": right["sizes"] | {"sample_time": -1}}, "sample_time is -1, expected a positive number"),
+        ({"bandwidth": 0}, "bandwidth is 0, expected a positive number"),
+    ):
+        (tmp_path / "policy.json").write_text(json.dumps(right | change))
+        with pytest.raises(DataError, match=message):
+            learn.Residual.load(tmp_path)
+
+
+def test_a_policy_is_for_the_rate_it_was_trained_at(tmp_path):
+    envs = gym.make_vec("GmsMujoco/ServoTracking-v0", num_envs=1, rate=1000.0, episode_steps=5)
+    with pytest.raises(ModelError, match=r"samples of 0.0005 s is given, those of the environment last 0.001 s"):
+        follow(envs, lambda k: learn.Residual(SIZES, np.zeros(12)))
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_a_training_that_runs_away_says_so_and_has_no_trace_of_what_came_after(mode, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(learn, "TEST_EPISODES", 2)
+    result = learn.train(
+        1, population=2, episodes=1, episode_steps=300, bandwidth=3000.0, autoreset_mode=mode, tasks="point_to_point"
+    )
+    assert "ran away: the PID in 2, the policy in 2 of them" in str(result)
+    assert result.to_dict()["test"]["ran_away"] == {"pid": 2, "policy": 2}
+    for trace in result.traces:
+        there = np.isfinite(trace)
+        assert 0 < there.sum() < 300 and there[: there.sum()].all()
+    monkeypatch.setattr(learn, "train", lambda *_, **__: result)
+    assert cli.main(["train", "-o", str(tmp_path / "policy")]) == 2
+    assert "the policy runs away in every test episode" in capsys.readouterr().err
+    assert (tmp_path / "policy" / "recording.rrd").is_file()
 
 
 def test_the_command_writes_policy_figures_and_recording(tmp_path, capsys, monkeypatch):

@@ -31,14 +31,33 @@ def test_it_steps_as_the_environment_does_and_tells_the_last_observation():
         np.testing.assert_array_equal(seen, o)
         np.testing.assert_allclose(reward, r, rtol=1e-6)
         assert ended.tolist() == t.tolist() == [k % 20 == 19] * 3
+        last = info["final_info"] if ended.any() else info
+        np.testing.assert_array_equal([i["error"] for i in infos], last["error"])
         if ended.any():
             assert infos[1]["TimeLimit.truncated"]
             np.testing.assert_array_equal(infos[1]["terminal_observation"], info["final_obs"][1])
 
 
-def test_episodes_must_start_anew_at_once():
+def test_options_are_those_of_the_next_reset():
+    envs = made(3, split="test")
+    envs.set_options({"episode": 5})
+    first = envs.reset()
+    np.testing.assert_array_equal(first, envs.envs.reset(options={"episode": 5})[0])
+    envs.set_options([{"episode": 5}, {"episode": 6}, {}])
+    np.testing.assert_array_equal(envs.reset()[0], first[0])
+    envs.set_options({"task": "reversals"})
+    with pytest.raises(ModelError, match="reset has no option 'task'"):
+        envs.reset()
+
+
+def test_what_is_no_native_vector_of_its_kind_is_refused():
     with pytest.raises(ModelError, match="SameStep"):
         SB3Vector(gym.make_vec(ID, num_envs=2))
+    with pytest.raises(ModelError, match="a vector ServoTracking or ServoExcitation is expected"):
+        SB3Vector(gym.make(ID))
+    other = gym.make_vec("GmsMujoco/ServoExcitation-v0", num_envs=2, autoreset_mode="SameStep")
+    with pytest.raises(ModelError, match="a vector ServoTracking is expected"):
+        Compensation(SB3Vector(other))
 
 
 @pytest.mark.parametrize("bandwidth", [None, 50.0])

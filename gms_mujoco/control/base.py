@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,13 @@ POSITION, REFERENCE, VELOCITY, ACCELERATION, AHEAD, ERROR, SPEED, TORQUE = range
 
 
 class Controller:
-    """A torque [N m] from an observation; `+` adds the torques of two, `0.9 * controller` commands a part of it."""
+    """A torque [N m] from an observation; `+` adds the torques of two, `0.9 * controller` commands a part of it.
+
+    Attributes:
+        sample_time: that it is made for [s]; None: any.
+    """
+
+    sample_time: Any = None
 
     def __call__(self, observation: Array) -> float:
         """Torque to hold until the next sample [N m].
@@ -31,6 +39,7 @@ class Controller:
 class _Sum(Controller):
     def __init__(self, *parts: Controller) -> None:
         self.parts = parts
+        self.sample_time = next((p.sample_time for p in parts if p.sample_time is not None), None)
 
     def __call__(self, observation: Array) -> float:
         return sum(part(observation) for part in self.parts)
@@ -38,7 +47,7 @@ class _Sum(Controller):
 
 class _Share(Controller):
     def __init__(self, share: float, whole: Controller) -> None:
-        self.share, self.whole = share, whole
+        self.share, self.whole, self.sample_time = share, whole, whole.sample_time
 
     def __call__(self, observation: Array) -> float:
         return self.share * self.whole(observation)

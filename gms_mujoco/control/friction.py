@@ -86,7 +86,7 @@ class GMSFeedforward(Controller):
     """Torque against the friction that an identified plant has along the reference, mean over the coming sample."""
 
     def __init__(self, plant: Plant, sample_time: float) -> None:
-        self.follower = Follower(plant, sample_time)
+        self.follower, self.sample_time = Follower(plant, sample_time), sample_time
 
     def __call__(self, observation: Array) -> float:
         here = self.follower.to(float(observation[REFERENCE]))
@@ -101,7 +101,7 @@ class GMSObserver(Controller):
     """
 
     def __init__(self, plant: Plant, sample_time: float) -> None:
-        self.follower = Follower(plant, sample_time)
+        self.follower, self.sample_time = Follower(plant, sample_time), sample_time
 
     def __call__(self, observation: Array) -> float:
         here = self.follower.to(float(observation[POSITION]))

@@ -29,7 +29,7 @@ class ILC(Controller):
         self, feedback: Callable[[], Controller], sample_time: float, gain: float = 0.7, bandwidth: float = 100.0,
         lead: int = 2,
     ) -> None:
-        self.make, self.gain, self.lead = feedback, gain, lead
+        self.make, self.gain, self.lead, self.sample_time = feedback, gain, lead, sample_time
         self.filter = scipy.signal.butter(2, min(2 * bandwidth * sample_time, 0.99))
         self.learned: Array = np.zeros(0)
         self.feedback, self.done = feedback(), list[float]()
