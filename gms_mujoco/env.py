@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium as gym
@@ -39,6 +40,16 @@ def episode_option(options: Mapping[str, Any] | None) -> Any:
         if key != "episode":
             raise ModelError(f"reset has no option {key!r}; its options are {listing(['episode'])}")
     return options.get("episode")
+
+
+def expect_state(state: Any, own: Mapping[str, Any]) -> None:
+    """Raises ModelError where a state is not of an environment with the same settings."""
+    if not isinstance(state, Mapping) or not isinstance(state.get("of"), Mapping):
+        raise ModelError(f"a state of get_state is expected; {type(state).__name__} given")
+    other = [k for k, v in own.items() if state["of"].get(k) != v]
+    if other:
+        told = (f"{k} {state['of'].get(k)}, here {own[k]}" if isinstance(own[k], str | Real) else k for k in other)
+        raise ModelError(f"the state is of an environment with another {'; another '.join(told)}")
 
 
 def action_space() -> gym.spaces.Box:
@@ -110,16 +121,26 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
             raise ModelError("there is no episode yet; reset the environment first")
         return episode.plant
 
+    @property
+    def _settings(self) -> dict[str, Any]:
+        return {"environment": type(self).__name__, **self.axes.settings}
+
     def get_state(self) -> dict[str, Any]:
         """The exact state: physics with the friction elements, measurement, reference, random numbers."""
         return {
+            "of": self._settings,
             "axis": self.axes.get_state(0),
             "task": self.task.get_state(0),
             "random": deepcopy(self.np_random.bit_generator.state),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes back to a state of `get_state`, of this environment or of another made with the same arguments."""
+        """Goes back to a state of `get_state`, of this environment or of another made with the same arguments.
+
+        Raises:
+            ModelError: the state is of another kind of environment, or of one with other settings.
+        """
+        expect_state(state, self._settings)
         self.axes.set_state(0, state["axis"])
         self.task.set_state(0, state["task"])
         self.np_random.bit_generator.state = deepcopy(state["random"])

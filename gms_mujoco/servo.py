@@ -104,6 +104,7 @@ class Axes:
         self.start = np.zeros(n)
         self.reference = np.zeros((n, episode_steps + 2, 3))
         self._rows = np.arange(n)
+        self._waiting = set(range(n))  # axes without an episode yet
         self._now: dict[int, Array] = {}  # what `now` has found since the last step
         self._probes: dict[int, tuple[mujoco.MjModel, mujoco.MjData]] = {}
 
@@ -162,6 +163,7 @@ class Axes:
     def _begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> Array:
         """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it."""
         rows = list(rows)
+        self._waiting.difference_update(rows)
         self._now.clear()
         before = list(self.models)  # kept until the batch has seen the new ones: addresses tell models apart
         for i, episode in zip(rows, episodes, strict=True):
@@ -198,8 +200,10 @@ class Axes:
             skip: (n,) axes that stand still.
 
         Raises:
-            ModelError: another number of them, or one that is not finite.
+            ModelError: another number of them, one that is not finite, or there is no episode yet.
         """
+        if self._waiting:
+            raise ModelError("there is no episode yet; reset the environment first")
         try:
             share = np.asarray(action, float).reshape(self.n)
         except (TypeError, ValueError):
@@ -241,6 +245,12 @@ class Axes:
         mujoco.mj_setState(model, probe, self.batch.state[i], _STATE)
         mujoco.mj_forward(model, probe)
         return model, probe
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What a state depends on: one of `get_state` fits axes with the same."""
+        names = ("plant", "sample_time", "substeps", "resolution", "torque_limit", "episode_steps")
+        return {k: getattr(self, k) for k in names} | {k: getattr(self.mechanism, k) for k in ("joint", "weight")}
 
     _FIELDS: ClassVar = ("step_number", "position", "reading", "last_reading", "torque")
 

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from .env import action_space, episode_option, observation_space
+from .env import action_space, episode_option, expect_state, observation_space
 from .errors import ModelError, listing
 from .goals import Excitation, Goal, Tracking
 from .servo import Axes
@@ -124,10 +124,15 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         infos: dict[str, Any] = dict(self.task.info())
         return infos | {f"_{k}": self._all for k in infos}
 
+    @property
+    def _settings(self) -> dict[str, Any]:
+        return {"environment": type(self).__name__, "num_envs": self.num_envs, **self.axes.settings}
+
     def get_state(self) -> dict[str, Any]:
         """The exact state of all axes."""
         axes = range(self.num_envs)
         return {
+            "of": self._settings,
             "axis": [self.axes.get_state(i) for i in axes],
             "task": [self.task.get_state(i) for i in axes],
             "random": [deepcopy(r.bit_generator.state) for r in self._random],
@@ -135,7 +140,8 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Goes back to a state of `get_state`."""
+        """Goes back to a state of `get_state`; raises ModelError where it is of another environment."""
+        expect_state(state, self._settings)
         self._random = self._random or [np.random.default_rng() for _ in range(self.num_envs)]
         for i in range(self.num_envs):
             self.axes.set_state(i, state["axis"][i])

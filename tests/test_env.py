@@ -86,6 +86,43 @@ def test_a_state_restores_physics_friction_task_and_random_numbers(id):
             assert a[1:] == b[1:]
 
 
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: gym.make(IDS[1], episode_steps=20), "another environment ServoExcitation, here ServoTracking"),
+        (lambda: gym.make(IDS[0], episode_steps=30), "another episode_steps 30, here 20"),
+        (lambda: gym.make(IDS[0], episode_steps=20, rate=500.0, torque_limit=1.0), "sample_time 0.002.*torque_limit"),
+        (lambda: gym.make(IDS[0], episode_steps=20, plant=Plant.axis(J)), "another plant; another torque_limit"),
+        (lambda: gym.make_vec(IDS[0], num_envs=1, episode_steps=20), "another environment ServoTrackingVector"),
+    ],
+)  # fmt: skip
+def test_a_state_of_another_environment_is_refused_and_changes_nothing(made, message):
+    env, other = gym.make(IDS[0], episode_steps=20).unwrapped, made().unwrapped
+    env.reset(seed=0)
+    other.reset(seed=1)
+    play(env, actions(1, 5)[:, 0])
+    kept, place = env.get_state(), env.axes.position[0]
+    with pytest.raises(ModelError, match=message) as error:
+        env.set_state(other.get_state())
+    assert "\n" not in str(error.value)
+    for nothing in (None, {}, kept["axis"]):
+        with pytest.raises(ModelError, match="a state of get_state is expected"):
+            env.set_state(nothing)
+    assert env.axes.position[0] == place and env.axes.step_number[0] == 5
+    few, many = (gym.make_vec(IDS[0], num_envs=n).unwrapped for n in (2, 3))
+    for envs in (few, many):
+        envs.reset(seed=0)
+    with pytest.raises(ModelError, match="another num_envs 3, here 2"):
+        few.set_state(many.get_state())
+
+
+@pytest.mark.parametrize("make", [lambda: gym.make(IDS[0]), lambda: gym.make_vec(IDS[0], num_envs=2)])
+def test_without_an_episode_there_is_no_step(make):
+    env = make().unwrapped
+    with pytest.raises(ModelError, match="reset the environment first"):
+        env.step(np.zeros(env.action_space.shape))
+
+
 def test_a_vector_state_restores_too():
     env = gym.make_vec(IDS[0], num_envs=2, episode_steps=30).unwrapped
     env.reset(seed=1)
