@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -32,7 +33,8 @@ class Mechanism:
         plant: a Plant, the path of a model.toml or a preset of models/. On a joint of a model it needs no inertia.
         model: None, a bare axis with the inertia of the plant; or an MJCF file or MjSpec.
         joint: of that model. Its other joints are locked where the model begins, its actuators, tendons, equalities
-            and contacts are gone; weight, limits, inertia and armature stay.
+            and contacts are gone, and so is friction that `attach` has put there; weight, limits, inertia and armature
+            stay.
 
     Attributes:
         plant: complete, with the inertia of the joint.
@@ -52,20 +54,21 @@ class Mechanism:
         if (model is None) != (joint is None):
             raise ModelError("model and joint go together: an MJCF file and the name of one of its joints")
         if model is None or joint is None:
-            self.plant, self.joint = found.complete(), "shaft"
+            self.plant, self.joint = found.complete().light_loads(), "shaft"
             self.start = None if self.plant.kind == "hinge" else 0.0
             self.weight = 0.0
             self._spec = _bare(self.plant)
         else:
             self.joint = joint
-            self._spec = engine.spec_of(model).copy()
+            self._spec = _without_friction(engine.spec_of(model).copy())
             _isolate(self._spec, joint)
-            bare = self._spec.copy().compile()
+            bare = engine.compiled(self._spec.copy())
             data = mujoco.MjData(bare)
             mujoco.mj_forward(bare, data)
             mass = np.zeros((1, 1))
             mujoco.mj_fullM(bare, data, mass)
-            self.plant = replace(found, inertia=float(mass[0, 0]), inertia_known=True).complete()
+            self.plant = replace(found, inertia=float(mass[0, 0]), inertia_known=True)
+            self.plant.complete().light_loads()
             self.start = float(data.qpos[0])
             self.weight = _weight(bare, data)
 
@@ -83,7 +86,7 @@ class Mechanism:
         spec.actuator(DRIVE).ctrlrange = [-torque_limit, torque_limit]
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*acts on the measurement alone")  # the encoder sees to it
-            return engine.attach(spec, {self.joint: plant}).compile()
+            return engine.compiled(engine.attach(spec, {self.joint: plant}))
 
 
 def _bare(plant: Plant) -> mujoco.MjSpec:
@@ -108,6 +111,23 @@ def _weight(model: mujoco.MjModel, data: mujoco.MjData) -> float:
         mujoco.mj_forward(model, data)
         most = max(most, abs(float(data.qfrc_bias[0] - data.qfrc_gravcomp[0])))
     return most
+
+
+def _without_friction(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Without what `attach` has put there: on locked joints it could not be, on the other one it would act twice."""
+    ours = (engine.PLUGIN, engine.SENSOR)
+    instances = {p.name for p in spec.plugins if p.plugin_name in ours}
+    if not instances:
+        return spec
+    engine.compiled(spec)  # as text: MjSpec keeps pointers to an instance that is deleted
+    root = ElementTree.fromstring(spec.to_xml())
+    for parent in list(root.iter()):
+        for child in parent.findall("plugin"):
+            if child.get("plugin") in ours or child.get("instance") in instances:
+                parent.remove(child)
+    bare = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=spec.assets)
+    bare.modelfiledir = spec.modelfiledir
+    return bare
 
 
 def _isolate(spec: mujoco.MjSpec, name: str) -> None:

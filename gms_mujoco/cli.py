@@ -416,12 +416,12 @@ def _view(options: argparse.Namespace) -> None:
 
 
 def _compiled(path: str) -> mujoco.MjModel:
-    from .engine import spec_of
+    from .engine import compiled, spec_of
 
     try:
-        return spec_of(path).compile()
-    except ValueError as error:
-        raise ModelError(f"{path}: {error}") from None
+        return compiled(spec_of(path))
+    except ModelError as error:
+        raise ModelError(str(error) if path in str(error) else f"{path}: {error}") from None
 
 
 # What the commands share.

@@ -160,6 +160,14 @@ def spec_of(model: mujoco.MjSpec | str | os.PathLike[str]) -> mujoco.MjSpec:
         raise ModelError(f"{name}: {' '.join(str(error).split())}") from None
 
 
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of an MjSpec; raises ModelError with one line where it does not compile."""
+    try:
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ModelError(f"the model does not compile: {' '.join(str(error).split())}") from None
+
+
 def _matching(spec: mujoco.MjSpec, pattern: str) -> list[Any]:
     found = [j for j in spec.joints if j.name and (j.name == pattern or fnmatch.fnmatchcase(j.name, str(pattern)))]
     if not found:
@@ -211,7 +219,7 @@ def _warn(joint: Any, plant: Plant) -> None:
 def _uncouple(joint: Any, plant: Plant) -> None:
     """Takes inertia that the plant has behind a coupling off the joint's armature."""
     hidden = sum(e.hidden_inertia for e in plant.effects)
-    if hidden > joint.armature:
+    if hidden > joint.armature * (1 + 1e-9):  # it may be a difference of numbers that were rounded
         names = ", ".join(e.name for e in plant.effects if e.hidden_inertia)
         warnings.warn(
             f"the load of {names}, {hidden:g} kg m^2, is part of the inertia of the axis, but joint {joint.name!r} has "

@@ -24,7 +24,7 @@ import numpy as np
 
 from . import effects
 from .effect import Effect
-from .engine import PLUGIN, served, spec_of
+from .engine import PLUGIN, compiled, served, spec_of
 from .errors import ModelError, listing
 from .plant import Plant
 from .version import __version__
@@ -78,10 +78,7 @@ def plant_of_joint(model: mujoco.MjSpec | str | os.PathLike[str], joint: str) ->
 
 
 def _inertia(spec: mujoco.MjSpec, joint: str) -> float:
-    try:
-        model = spec.copy().compile()
-    except ValueError as error:
-        raise ModelError(f"the model does not compile: {' '.join(str(error).split())}") from None
+    model = compiled(spec.copy())
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     full = np.zeros((model.nv, model.nv))

@@ -121,6 +121,13 @@ class Plant:
         assert self.inertia is not None
         return self.inertia - sum(e.hidden_inertia for e in self.effects)
 
+    def light_loads(self) -> Plant:
+        """Itself; raises ModelError where what its effects put behind a coupling is no part of its inertia."""
+        if self.driven_inertia <= 0:
+            loads = listing(e.name for e in self.effects if e.hidden_inertia)
+            raise ModelError(f"{loads} must have less inertia than the axis, {self.inertia:g}, of which it is a part")
+        return self
+
     @property
     def drive(self) -> tuple[Effect, ...]:
         """The effects that stand between the torque commanded and the torque delivered."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effect import LOADED
-from .errors import DataError, ModelError, listing
+from .errors import DataError
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
 from .record import Record
@@ -96,9 +96,7 @@ def simulate(
     plant.torque_driven()
     if sample_time is None:
         raise DataError("a torque needs its sample_time [s]")
-    if plant.driven_inertia <= 0:
-        loads = listing(e.name for e in plant.effects if e.hidden_inertia)
-        raise ModelError(f"{loads} must have less inertia than the axis, {plant.inertia:g}, of which it is a part")
+    plant.light_loads()
     command = np.asarray(torque, float)
     time = np.asarray(sample_time * np.arange(len(command)), float)
     # A drive effect shapes the torque inside a sample: it acts at every time step.

@@ -316,6 +316,46 @@ def test_a_joint_of_a_model_has_its_inertia_and_weight():
     assert axes.position[0] == pytest.approx(data.qpos[whole.joint("elbow").qposadr[0]], rel=1e-6)
 
 
+@pytest.mark.parametrize("joints", ["*", "elbow", "wrist_flex"])
+@pytest.mark.parametrize("form", ["spec", "text", "file"])
+def test_friction_that_the_robot_has_already_makes_no_difference(joints, form, tmp_path):
+    arm = Plant.load("arm_joint")
+    spec = gms.attach(ARM, {joints: arm}, sensors=["torque"])
+    (tmp_path / "arm.xml").write_text(spec.to_xml())
+    model = {"spec": spec, "text": spec.to_xml(), "file": tmp_path / "arm.xml"}[form]
+    found = [
+        play(env, actions(1, 20)[:, 0])[-1][0]
+        for env in (gym.make(IDS[0], plant=arm, model=m, joint="elbow").unwrapped for m in (ARM, model))
+        if env.reset(seed=0)
+    ]
+    np.testing.assert_allclose(*found, rtol=1e-6)  # numbers of an MJCF text have fewer digits
+    assert spec.compile().nplugin, "the robot of the user stays as it is"
+
+
+def test_a_mechanism_that_cannot_be_is_told_in_one_line(tmp_path):
+    body = '<mujoco>{}<worldbody><body><joint name="j"/>{}</body></worldbody></mujoco>'
+    mesh = body.format('<asset><mesh name="m" file="nope.stl"/></asset>', '<geom type="mesh" mesh="m"/>')
+    heavy = gms.effects.FlexibleCoupling(inertia=J, frequency=80.0)
+    axis = Plant.load("servo_axis")
+    for options, message in (
+        ({"model": body.format("", ""), "joint": "j"}, "does not compile: .*mass and inertia"),
+        ({"model": mesh, "joint": "j"}, "does not compile: .*nope.stl"),
+        ({"plant": axis + heavy}, "flexible_coupling must have less inertia than the axis"),
+        ({"plant": dataclasses.replace(axis, inertia=1e-300)}, "does not compile: .*mass and inertia"),
+    ):
+        with pytest.raises(ModelError, match=message) as error:
+            environments.ServoTracking(**options)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("share", [1 / 3, 0.7, 1 / 7])
+def test_a_load_of_an_axis_is_taken_off_without_a_warning(share):
+    coupling = gms.effects.FlexibleCoupling(inertia=share * J, frequency=80.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        environments.ServoTracking(plant=Plant.axis(J) + gms.effects.Coulomb(coulomb=4e-3) + coupling)
+
+
 def test_random_memory_begins_at_rest_with_elements_loaded_against_each_other():
     plant = Plant.load(MODELS / "servo_axis.toml")
     found = []
