@@ -184,6 +184,7 @@ def _parser() -> argparse.ArgumentParser:
 def _demo(options: argparse.Namespace) -> None:
     from .demo import run
 
+    _expect_seed(options)
     folder = files.make_folder(options.output)
     with Bar() as bar:
         result = run(folder, options.seed, progress=bar)
@@ -252,9 +253,10 @@ def _diagnose(options: argparse.Namespace) -> None:
     runs = _load(options)
     if plant is not None:
         _expect_kind(plant, runs, options.model)
-    folder = files.make_folder(options.output)
+    folder = files.expect_folder(options.output)
     with Bar() as bar:
         result = diagnose(runs, plant, without=_names(options.without), progress=bar)
+        files.make_folder(folder)
         _write_diagnosis(folder, result)
     if extra:
         files.write_text(extra, as_json(result.to_dict()))
@@ -270,8 +272,7 @@ def _fleet(options: argparse.Namespace) -> None:
     if options.verb == "bootstrap":
         if len(options.datasets) > 1:
             raise DataError(f"a bootstrap is of one measurement set; {len(options.datasets)} given")
-        if options.seed < 0:
-            raise GmsError(f"the seed must not be negative; {options.seed} given")
+        _expect_seed(options)
         with Bar() as bar:
             found = fleet.bootstrap(options.datasets[0], options.output, plant, refits=options.refits,
                                     joint=options.joint, seed=options.seed, progress=bar, **how)  # fmt: skip
@@ -284,6 +285,8 @@ def _fleet(options: argparse.Namespace) -> None:
         done = fleet.run_all(options.verb, options.datasets, options.output, plant, progress=bar, **how)
     print(done)
     print(f"wrote {options.output}/ ({', '.join(fleet.SUMMARY)}, and a folder for each)")
+    if len(done.failed) == len(done.rows):
+        raise GmsError(f"every measurement set failed, the first with: {done.failed[0]['error']}")
 
 
 def _frf(options: argparse.Namespace) -> None:
@@ -372,16 +375,16 @@ def _train(options: argparse.Namespace) -> None:
     from .learn import train
     from .view import RECORDING, write_training
 
-    if options.seed < 0:
-        raise GmsError(f"the seed must not be negative; {options.seed} given")
+    _expect_seed(options)
     if not 0 < options.bandwidth < math.inf:
         raise GmsError(f"--bandwidth must be a positive number of Hz; {options.bandwidth:g} given")
-    folder = files.make_folder(options.output)
+    folder = files.expect_folder(options.output)
     with Bar() as bar:
         result = train(
             options.generations, seed=options.seed, bandwidth=options.bandwidth, progress=bar,
             plant=options.plant, model=options.model, joint=options.joint,
         )  # fmt: skip
+        files.make_folder(folder)
         result.policy.save(folder / "policy.json")
         files.write_text(folder / "training.json", as_json(result.to_dict()))
         write_training(folder / RECORDING, result)
@@ -394,8 +397,8 @@ def _train(options: argparse.Namespace) -> None:
 def _view(options: argparse.Namespace) -> None:
     from .view import open_recording, record_motion, write_portrait
 
-    picture = files.expect_writable(options.screenshot) if options.screenshot else None
-    output = files.expect_writable(options.output) if options.output else None
+    picture = _expect_suffix(options.screenshot, ".png") if options.screenshot else None
+    output = _expect_suffix(options.output, ".rrd") if options.output else None
     path = Path(options.path)
     kind = path.suffix.lower()
     if kind not in (".xml", ".toml") and not (files.MODELS / f"{path}.toml").is_file():
@@ -415,6 +418,12 @@ def _view(options: argparse.Namespace) -> None:
         print(f"wrote {written}")
 
 
+def _expect_suffix(path: str, suffix: str) -> Path:
+    if Path(path).suffix.lower() != suffix:
+        raise GmsError(f"{path}: expected the name of a {suffix} file")
+    return files.expect_writable(path)
+
+
 def _compiled(path: str) -> mujoco.MjModel:
     from .engine import compiled, spec_of
 
@@ -425,6 +434,11 @@ def _compiled(path: str) -> mujoco.MjModel:
 
 
 # What the commands share.
+
+
+def _expect_seed(options: argparse.Namespace) -> None:
+    if options.seed < 0:
+        raise GmsError(f"the seed must not be negative; {options.seed} given")
 
 
 def _load(options: argparse.Namespace) -> Dataset:

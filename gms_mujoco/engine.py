@@ -417,6 +417,8 @@ def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction
     Raises:
         ModelError: no such joint, or it has no friction of ours.
     """
+    if not isinstance(joint, str):  # MuJoCo ends the process over None
+        raise ModelError(f"the name of a joint is expected; {joint!r} given")
     id = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
     if id < 0:
         names = (model.joint(i).name for i in range(model.njnt))

@@ -74,6 +74,19 @@ def _followed(path: str | Path) -> Path:
     return path
 
 
+def expect_folder(path: str | Path) -> Path:
+    """The path of a folder to be made later; raises GmsError now, before any long work, where it cannot be."""
+    path = Path(path)
+    try:
+        there = next(p for p in (path, *path.absolute().parents) if p.exists())
+    except OSError as error:
+        raise GmsError(f"{path}: the folder cannot be made ({error.strerror or error})") from None
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        why = "cannot be written" if there.is_dir() else "is no folder"
+        raise GmsError(f"{path}: the folder cannot be made ({there} {why})")
+    return path
+
+
 def make_folder(path: str | Path) -> Path:
     """The folder `path`, made where it does not exist; raises GmsError where it cannot be made."""
     try:

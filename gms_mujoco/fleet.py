@@ -164,7 +164,7 @@ def run_all(
     if verb not in VERBS:
         raise GmsError(f"verbs for a fleet are {listing(VERBS)}; {verb!r} given")
     text = None if plant is None else plant.to_toml()
-    folder = files.make_folder(out)
+    folder = files.expect_folder(out)
     tasks = []
     for path in find_sets(datasets):
         try:
@@ -173,6 +173,7 @@ def run_all(
             names = (None,)  # the task itself will say what is wrong
         tasks += [task_of(verb, folder, path, joint, text) for joint in names]
     fleet = Fleet(folder, tuple(run(tasks, _do, jobs, cluster, progress)))
+    files.make_folder(folder)
     write_summary(fleet)
     return fleet
 
@@ -318,7 +319,7 @@ def bootstrap(
     if refits < 2:
         raise GmsError(f"a bootstrap needs at least 2 refits; {refits} given")
     report = progress or silent
-    folder, path = files.make_folder(out), find_sets(dataset)[0]
+    folder, path = files.expect_folder(out), find_sets(dataset)[0]
     if any(not isinstance(r, Record) for r in load(path, joint).fit):
         raise DataError(f"{path}: a bootstrap redraws torque residuals in time; the set has frequency responses or "
                         "runs of a servo")

@@ -27,7 +27,7 @@ from .views import drawing
 from .views.drawing import draw, series
 from .views.figure import COLOURS, Curve
 from .views.portrait import write_portrait
-from .views.scene import Scene, end, record_motion
+from .views.scene import Scene, end, expect_rate, record_motion
 
 if TYPE_CHECKING:
     from .learn import Training
@@ -36,6 +36,11 @@ __all__ = ["RECORDING", "Scene", "open_recording", "record_motion", "stream", "w
 
 RECORDING = "recording.rrd"
 _PATIENCE = 30.0  # s until a viewer listens
+_OPENING = 1.0  # s in which a viewer that listens may find that it has no screen
+_NO_VIEWER = (
+    "the rerun viewer does not start; it needs a screen and a graphics driver. Without them write a recording: give a "
+    ".rrd file"
+)
 _LOADING = 8.0  # s from the first frame until notices have gone and all data is drawn
 
 
@@ -90,13 +95,22 @@ def stream(
     """
     if isinstance(to, rr.RecordingStream):
         return Scene(model, data, to, rate)
+    expect_rate(rate)  # before anything is opened
     opened = rr.RecordingStream("gms_mujoco")
     if to is not None:
         opened.save(files.expect_writable(to))
         return Scene(model, data, opened, rate, owned=True)
     viewer, port = _viewer([])
-    opened.connect_grpc(_address(port))
-    return Scene(model, data, opened, rate, owned=True, viewer=viewer)
+    try:
+        opened.connect_grpc(_address(port))
+        scene = Scene(model, data, opened, rate, owned=True, viewer=viewer)
+        viewer.wait(_OPENING)
+    except subprocess.TimeoutExpired:
+        return scene
+    except RuntimeError:  # of Rerun, which has lost the viewer
+        pass
+    end(viewer)
+    raise GmsError(_NO_VIEWER)
 
 
 def open_recording(path: str | Path, screenshot: str | Path | None = None) -> None:
@@ -140,8 +154,7 @@ def _viewer(more: list[str], log: Any = subprocess.DEVNULL) -> tuple[subprocess.
                 return viewer, port
         time.sleep(0.1)
     end(viewer)
-    raise GmsError("the rerun viewer does not start; it needs a screen and a graphics driver. Without them write a "
-                   "recording: give a .rrd file")  # fmt: skip
+    raise GmsError(_NO_VIEWER)
 
 
 def _picture(file: Path) -> bytes:

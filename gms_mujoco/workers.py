@@ -91,8 +91,8 @@ class _Workers(AbstractContextManager["_Workers"]):
             import joblib
         except ImportError:
             raise GmsError("a fleet needs joblib: pip install 'gms-mujoco[fleet]'") from None
-        if jobs == 0:
-            raise GmsError("jobs must be a number of processes, or -1 for one on each processor; 0 given")
+        if jobs != -1 and jobs < 1:
+            raise GmsError(f"jobs must be a number of processes, or -1 for one on each processor; {jobs} given")
         self._joblib, self._jobs, self._cluster = joblib, jobs, cluster
         self._stack = ExitStack()
 

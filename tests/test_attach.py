@@ -59,6 +59,9 @@ def test_friction_is_read_out_by_joint():
     assert reading.power == reading.torque * data.qvel[0]
     assert reading.torque == pytest.approx(-reading.forces.sum() - 2e-5 * data.qvel[0])
     assert np.array_equal(reading.slips, reading.states["gms"][1::2] != 0) and len(reading.slips) == 4
+    for name in (None, 0, b"shaft"):
+        with pytest.raises(ModelError, match="the name of a joint is expected"):
+            engine.friction(model, data, name)
     with pytest.raises(ModelError, match="no joint is called 'elbow'; the joints are shaft"):
         engine.friction(model, data, "elbow")
     bare = mujoco.MjModel.from_xml_string(AXIS)

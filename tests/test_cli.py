@@ -175,6 +175,27 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
     assert model.read_text().startswith("[axis]")
 
 
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["demo", "--seed", "-1"],
+        ["train", "--generations", "0"],
+        ["train", "--plant", "nope"],
+        ["fleet", "nowhere"],
+        ["fleet", "nowhere", "--verb", "bootstrap"],
+    ],
+    ids=" ".join,
+)
+def test_what_is_refused_leaves_no_folder(argv: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refuses(capsys, "", argv=[*argv, "-o", tmp_path / "out"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_view_writes_what_the_name_says(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refuses(capsys, "a.txt: expected the name of a .rrd file", argv=["view", model, "-o", tmp_path / "a.txt"])
+    refuses(capsys, "b.jpg: expected the name of a .png file", argv=["view", model, "--screenshot", tmp_path / "b.jpg"])
+
+
 def test_commands_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     for argv in (["explain"], [], ["fit"], ["fit", "a", "-o", "b", "--speed"]):
         with pytest.raises(SystemExit) as caught:

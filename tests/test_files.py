@@ -59,3 +59,12 @@ def test_what_is_no_regular_file_is_left_alone_and_links_are_followed(tmp_path: 
     assert (tmp_path / "link.toml").is_symlink() and (tmp_path / "behind.toml").read_text() == "new"
     with pytest.raises(GmsError, match="cannot be written"):
         files.expect_writable(tmp_path / ("a" * 300))
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_and_one_that_can_is_not_made(tmp_path: Path) -> None:
+    assert files.expect_folder(tmp_path / "a" / "b") == tmp_path / "a" / "b"
+    assert not (tmp_path / "a").exists()
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file", tmp_path / "file" / "b"):
+        with pytest.raises(GmsError, match="file is no folder"):
+            files.expect_folder(path)

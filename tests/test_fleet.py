@@ -171,15 +171,26 @@ def test_bootstrap_agrees_with_the_intervals_of_the_fit(tmp_path: Path) -> None:
         ({"datasets": []}, "at least one measurement set"),
         ({"datasets": "nowhere"}, "nowhere: no dataset.toml in this folder or below it"),
         ({"jobs": 0}, "jobs must be"),
+        ({"jobs": -2}, "jobs must be a number of processes, or -1 .*; -2 given"),
         ({"cluster": "tcp://127.0.0.1:1"}, "no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(change: dict, message: str, robots: Path, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(workers, "_PATIENCE", 0.5)
-    what = {"verb": "fit", "datasets": robots, "out": tmp_path, "plant": SIMPLE, "jobs": 1} | change
+    what = {"verb": "fit", "datasets": robots, "out": tmp_path / "out", "plant": SIMPLE, "jobs": 1} | change
     with pytest.raises(GmsError, match=message) as error:
         fleet.run_all(**what)
     assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_fleet_of_which_nothing_is_left_is_no_success(tmp_path: Path, capsys) -> None:
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "dataset.toml").write_text("[axis]\n")
+    assert cli.main(["fleet", str(tmp_path / "set"), "--jobs", "1", "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr()
+    assert "0 done, 1 failed" in said.out and "every measurement set failed, the first with: " in said.err
+    assert (tmp_path / "out" / "summary.csv").is_file()
 
 
 def test_a_plant_of_another_kind_and_a_bootstrap_that_cannot_be(robots: Path, tmp_path: Path) -> None:

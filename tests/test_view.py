@@ -152,3 +152,19 @@ def test_a_viewer_that_does_not_start_is_said_so(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(view, "_command", lambda *_: [sys.executable, "-c", "raise SystemExit(1)"])
     with pytest.raises(GmsError, match=r"give a \.rrd file"):
         view._viewer([])
+
+
+@pytest.mark.parametrize("life", [0.0, 0.3])
+def test_a_viewer_that_finds_no_screen_is_told_in_one_line(life: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether it ends before or after the scene has been sent to it."""
+    import mujoco
+
+    import gms_mujoco as gms
+
+    code = f"import socket, time; s = socket.create_server(('127.0.0.1', %d)); time.sleep({life} + 0.2)"
+    command = [sys.executable, "-c"]
+    monkeypatch.setattr(view, "_command", lambda port, *more: [*command, code % port])
+    model = gms.attach(str(gms.MODELS / "arm.xml"), {"elbow": gms.Plant.load("arm_joint")}).compile()
+    with pytest.raises(GmsError, match="does not start; it needs a screen") as error:
+        view.stream(model, mujoco.MjData(model))
+    assert "\n" not in str(error.value)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import warnings
 from collections import deque
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,12 @@ def _geometry(model: mujoco.MjModel) -> Any:
     return MJCFLogger(model, _ROBOT)
 
 
+def expect_rate(rate: float) -> None:
+    """Raises ModelError where there are no looks at that rate."""
+    if not isinstance(rate, Real) or not rate > 0:
+        raise ModelError(f"rate must be positive [1/s]; {rate!r} given")
+
+
 class Scene:
     """What happens in a simulation, sent to a rerun stream. Call it after each step, or as often as it should look.
 
@@ -71,8 +78,7 @@ class Scene:
         owned: bool = False,
         viewer: subprocess.Popen[bytes] | None = None,
     ) -> None:
-        if not rate > 0:
-            raise ModelError(f"rate must be positive [1/s]; {rate!r} given")
+        expect_rate(rate)
         self.model, self.data, self.stream, self.owned, self.viewer = model, data, stream, owned, viewer
         self.joints = joints_with_friction(model, data)
         self._period = 1 / rate
@@ -143,7 +149,11 @@ class Scene:
         """Shows the busiest joint and waits until everything has arrived. A window stays open until it is closed."""
         self._arrange()
         self._draw_loops()
-        self.stream.flush()
+        try:
+            self.stream.flush()
+        except RuntimeError:  # of Rerun; a window may have been closed, which is no mistake
+            if self.viewer is None or self.viewer.poll() is None:
+                raise
 
     def close(self) -> None:
         """The end of the stream, unless it is the caller's, and of the window that was opened for it."""

@@ -111,3 +111,10 @@ def test_time_goes_on_after_a_reset(arm: mujoco.MjModel, tmp_path: Path) -> None
 def test_a_rate_must_be_positive(arm: mujoco.MjModel) -> None:
     with pytest.raises(gms.ModelError, match="rate must be positive"), rr.RecordingStream("test") as stream:
         Scene(arm, mujoco.MjData(arm), stream, rate=0)
+
+
+@pytest.mark.parametrize("rate", [0, float("nan"), "fast"])
+def test_a_rate_that_cannot_be_opens_no_file(rate: float, arm: mujoco.MjModel, tmp_path: Path) -> None:
+    with pytest.raises(gms.ModelError, match="rate must be positive"):
+        gms.view.stream(arm, mujoco.MjData(arm), tmp_path / "arm.rrd", rate)
+    assert not (tmp_path / "arm.rrd").exists()
