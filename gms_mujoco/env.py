@@ -161,7 +161,7 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
             from .view import stream
 
             self._scene = stream(model, data, self._recording, rate=_LOOKS * self.metadata["render_fps"])
-        self._scene(model, data, reference=self.axes.now()[0, 0], position=self.axes.position[0])
+        self._scene(model, data, reference=self.axes.target()[0], position=self.axes.position[0])
 
     def close(self) -> None:
         """Closes window, recording and renderer."""
@@ -203,7 +203,9 @@ class ServoTracking(_Servo):
         7 torque in the last sample [N m]
 
     Reward in (0, 1]: w / (w + |error|) with the true error at the end of the sample and w = 1/50 of the break-away
-    distance. Terminated where the error exceeds 100 break-away distances; truncated after `episode_steps`.
+    distance, or two encoder counts where those are more. The true error is that of the joint itself, from a reference
+    that begins where the joint does; behind an encoder that is off centre the drive sees another. Terminated where
+    the error exceeds 100 break-away distances; truncated after `episode_steps`.
     info: true `position` and `error` [rad]. Arguments: those of `Axes` but `n`.
     """
 

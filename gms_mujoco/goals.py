@@ -53,7 +53,7 @@ class Tracking:
         return {"position": self.axes.position.copy(), "error": self._error()}
 
     def _error(self) -> Array:
-        return self.axes.now()[:, 0] - self.axes.position
+        return self.axes.target() - self.axes.position
 
     def get_state(self, i: int) -> dict[str, Any]:
         return {}
@@ -84,7 +84,7 @@ class Excitation:
 
     def observe(self) -> Array:
         x = self.axes
-        columns = (x.reading - x.start, x.velocity(), x.torque, x.step_number / x.episode_steps)
+        columns = (x.reading - x.first_reading, x.velocity(), x.torque, x.step_number / x.episode_steps)
         return np.clip(np.stack(columns, axis=1), -self.bounds, self.bounds)
 
     def judge(self) -> tuple[Array, NDArray[np.bool_]]:

@@ -101,7 +101,9 @@ class Axes:
         self.reading = np.zeros(n)
         self.last_reading = np.zeros(n)
         self.torque = np.zeros(n)  # that was held in the last sample
-        self.start = np.zeros(n)
+        self.start = np.zeros(n)  # true, and what the encoder reads there
+        self.first_reading = np.zeros(n)
+        self._ahead = np.zeros(n)  # of the joint, where the encoder's effects see it at the start [rad]
         self.reference = np.zeros((n, episode_steps + 2, 3))
         self._rows = np.arange(n)
         self._waiting = set(range(n))  # axes without an episode yet
@@ -117,10 +119,13 @@ class Axes:
             self.memory, self.mechanism.start, self.split, episode,
         )
 
-    def _encoder(self, time: Array, position: Array) -> Array:
-        """What the effects of the sensor make of the positions, in whole counts."""
+    def _sees(self, time: Array, position: Array) -> Array:
+        """What the effects of the sensor make of the positions."""
         for e in self._sensors:
             position = e.read(time, position)
+        return position
+
+    def _counts(self, position: Array) -> Array:
         return np.asarray(np.round(position / self.resolution) * self.resolution)
 
     def reset(
@@ -161,7 +166,11 @@ class Axes:
         self._now.clear()
 
     def _begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> Array:
-        """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it."""
+        """Puts axes at the start of episodes; returns what the encoder reads there: the references begin at it.
+
+        An encoder that is off centre reads another place than the joint's. Its reading at the start is the drive's
+        zero, so that the joint itself is asked to be `_ahead` before the reference: both errors begin at zero.
+        """
         rows = list(rows)
         self._waiting.difference_update(rows)
         self._now.clear()
@@ -178,7 +187,9 @@ class Axes:
                 self._remember(i, episode)
         self.batch.forward(rows)
         del before
-        reading = self._encoder(np.zeros(len(rows)), self.start[rows])
+        seen = self._sees(np.zeros(len(rows)), self.start[rows])
+        reading = self._counts(seen)
+        self.first_reading[rows], self._ahead[rows] = reading, seen - self.start[rows]
         self.reference[rows, :, 0] += (reading - self.start[rows])[:, None]
         return reading
 
@@ -220,7 +231,7 @@ class Axes:
         self.step_number += 1
         self._now.clear()
         self.last_reading[:] = self.reading
-        self.reading[:] = self._encoder(self.step_number * self.sample_time, self.position)
+        self.reading[:] = self._counts(self._sees(self.step_number * self.sample_time, self.position))
 
     def velocity(self) -> Array:
         """(n,) difference of the last two readings [rad/s]."""
@@ -231,6 +242,11 @@ class Axes:
         if ahead not in self._now:
             self._now[ahead] = self.reference[self._rows, np.minimum(self.step_number, self.episode_steps) + ahead]
         return self._now[ahead]
+
+    def target(self) -> Array:
+        """(n,) where the joint itself should be at this sample [rad]: the reference, but for what the encoder is off
+        at the start."""
+        return np.asarray(self.now()[:, 0] - self._ahead)
 
     def friction(self, i: int = 0) -> float:
         """True torque of the effects on axis i at this instant [N m]: what an oracle knows."""

@@ -190,6 +190,28 @@ def test_observations_are_what_the_documentation_says():
     assert info["error"] == new[1] - info["position"] and reward == w / (w + abs(info["error"]))
 
 
+def test_behind_an_encoder_that_is_off_centre_an_axis_begins_where_it_should_be():
+    plant = Plant.load("servo_axis") + gms.effects.EncoderEccentricity(amplitude=0.05, phase=0.3)
+    env = gym.make(IDS[0], plant=plant).unwrapped
+    for seed in range(3):
+        seen, info = env.reset(seed=seed)
+        assert seen[0] == seen[1] and seen[5] == 0 and abs(info["error"]) <= COUNT / 2
+        assert abs(seen[0] - info["position"]) > 1e-4, "the encoder itself is off"
+        seen, reward, *_, info = env.step(np.zeros(1))
+        assert reward == env.task.error_scale / (env.task.error_scale + abs(info["error"])) > 0.9
+
+
+@pytest.mark.parametrize("resolution", [1e-3, None])
+@pytest.mark.parametrize("amplitude", [0.0, 0.05])
+def test_the_position_since_the_start_begins_at_zero_and_goes_in_whole_counts(resolution, amplitude):
+    plant = Plant.load("servo_axis") + gms.effects.EncoderEccentricity(amplitude=amplitude, phase=0.3)
+    env = gym.make(IDS[1], plant=plant, resolution=resolution).unwrapped
+    for seed in range(3):
+        assert env.reset(seed=seed)[0][0] == 0
+        counts = play(env, np.full((40, 1), 0.2))[-1][0][0] / env.axes.resolution
+        assert abs(counts) > 1 and abs(counts - round(counts)) < 1e-6
+
+
 @pytest.mark.parametrize("task", list(TASKS))
 @pytest.mark.parametrize("rate", [2000, 100])
 def test_what_is_observed_of_the_reference_is_never_clipped(task, rate):

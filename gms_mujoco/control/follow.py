@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..goals import Tracking, expect_vector
-from .base import POSITION, REFERENCE, Array, Controller
+from .base import POSITION, Array, Controller
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class Trace:
     """What happened, n axes at once; NaN from the sample after that in which an axis ran away.
 
     Attributes:
-        reference, position, reading: (steps, n) true position and encoder after each sample, and where to be [rad].
+        reference, position, reading: (steps, n) where the joint should be after each sample, where it is, and what the
+            encoder reads [rad].
         torque: (steps, n) that was held over the sample [N m].
         ended: (n,) whether the axis ran away.
         sample_time: [s].
@@ -105,14 +106,15 @@ def play(envs: Any, observation: Array, act: Callable[[Array, NDArray[np.bool_]]
         held = np.clip(np.asarray(act(observation, running), float), -axes.torque_limit, axes.torque_limit)
         spent, calls = spent + time.perf_counter() - start, calls + int(running.sum())
         observation, _, terminated, _, info = envs.step(held[:, None] / axes.torque_limit)
-        seen, true = observation, info["position"]
+        reads, true, error = observation[:, POSITION], info["position"], info["error"]
         if "final_obs" in info:  # the next episode has begun already
-            seen = observation.copy()
-            for k in np.flatnonzero(info["_final_obs"]):
-                seen[k] = info["final_obs"][k]
-            true = np.where(info["_final_obs"], info["final_info"]["position"], true)
+            over, final = info["_final_obs"], info["final_info"]
+            reads = reads.copy()
+            for k in np.flatnonzero(over):
+                reads[k] = info["final_obs"][k][POSITION]
+            true, error = np.where(over, final["position"], true), np.where(over, final["error"], error)
         rows = (reference, position, reading, torque)
-        for row, values in zip(rows, (seen[:, REFERENCE], true, seen[:, POSITION], held), strict=True):
+        for row, values in zip(rows, (true + error, true, reads, held), strict=True):
             row[step, running] = values[running]
         running &= ~terminated
         if not running.any():
