@@ -5,6 +5,7 @@ Units are those of a hinge; a slide has m for rad and N for N m.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from dataclasses import replace
@@ -40,7 +41,8 @@ class Mechanism:
         plant: complete, with the inertia of the joint.
         joint: name of it.
         start: position of the joint where the model begins [rad]; None where it may begin anywhere.
-        weight: largest torque of the weight on the joint, over its range [N m].
+        limits: of the joint [rad].
+        weight: largest torque of weight and springs of the model on the joint, over its range [N m].
 
     Raises:
         ModelError: no such model, joint or parameter value.
@@ -53,6 +55,8 @@ class Mechanism:
         found = plant_of(plant).torque_driven()
         if (model is None) != (joint is None):
             raise ModelError("model and joint go together: an MJCF file and the name of one of its joints")
+        self._still: tuple[mujoco.MjModel, mujoco.MjData] | None = None  # of the model, without friction
+        self.limits = (-math.inf, math.inf)
         if model is None or joint is None:
             self.plant, self.joint = found.complete().light_loads(), "shaft"
             self.start = None if self.plant.kind == "hinge" else 0.0
@@ -70,7 +74,21 @@ class Mechanism:
             self.plant = replace(found, inertia=float(mass[0, 0]), inertia_known=True)
             self.plant.complete().light_loads()
             self.start = float(data.qpos[0])
-            self.weight = _weight(bare, data)
+            self._still = bare, data
+            low, high = self.start - math.pi, self.start + math.pi
+            if bare.jnt_limited[0]:
+                low, high = self.limits = (float(bare.jnt_range[0, 0]), float(bare.jnt_range[0, 1]))
+            self.weight = max(abs(self.push(x)) for x in np.linspace(low, high, 73))
+
+    def push(self, position: float) -> float:
+        """Torque of weight and springs of the model on the joint where it stands still [N m]."""
+        if self._still is None:
+            return 0.0
+        model, data = self._still
+        data.qpos[0] = position
+        mujoco.mj_forward(model, data)
+        carried = data.qfrc_gravcomp[0] if model.jnt_actgravcomp[0] else 0.0  # else it is passive
+        return float(data.qfrc_passive[0] + carried - data.qfrc_bias[0])
 
     def build(self, plant: Plant, timestep: float, torque_limit: float) -> mujoco.MjModel:
         """The model with the effects of a plant; qpos[0] is the joint, ctrl[0] the torque of the motor [N m].
@@ -101,16 +119,6 @@ def _bare(plant: Plant) -> mujoco.MjSpec:
     assert plant.inertia is not None
     joint.armature = plant.inertia - plant.driven_inertia  # attach takes it off again
     return spec
-
-
-def _weight(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    low, high = model.jnt_range[0] if model.jnt_limited[0] else data.qpos[0] + np.array([-np.pi, np.pi])
-    most = 0.0
-    for position in np.linspace(low, high, 73):
-        data.qpos[0] = position
-        mujoco.mj_forward(model, data)
-        most = max(most, abs(float(data.qfrc_bias[0] - data.qfrc_gravcomp[0])))
-    return most
 
 
 def _without_friction(spec: mujoco.MjSpec) -> mujoco.MjSpec:

@@ -18,10 +18,10 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from . import engine, native
-from .axis import Mechanism
+from .axis import Mechanism, plant_of
 from .errors import ModelError, listing
 from .plant import Plant
-from .tasks import TASKS, Episode, at_rest, check_tasks, draw, scale_of
+from .tasks import TASKS, Episode, at_rest, check_tasks, draw, needed, scale_of
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,8 @@ class Axes:
         rate: of the servo [Hz].
         substeps: time steps of MuJoCo in a sample.
         resolution: position of one encoder count [rad]; the default is a millionth of a revolution, or a micrometre.
-        torque_limit: [N m]; the default is 10 times the friction at low speed, and the weight on top.
+        torque_limit: [N m]; the default is 10 times the friction at low speed, or twice what the fastest references
+            ask for where drag makes that more, and on top what weight, gravity, springs and cogging come to.
         tasks: references to draw from, by name; see `gms_mujoco.tasks.TASKS`.
         spread: of the friction from episode to episode, a factor or "uncertainty", the intervals of an identified
             plant; see `gms_mujoco.tasks.scatter`. 1: always the plant's own.
@@ -85,7 +86,7 @@ class Axes:
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)
         self.scale = scale_of(self.plant, self.resolution)
-        most = 10 * self.scale.level + self.mechanism.weight
+        most = max(10 * self.scale.level, 2 * needed(self.plant, self.scale)) + self.mechanism.weight + self._load()
         self.torque_limit = most if torque_limit is None else float(torque_limit)
         if not 0 < self.torque_limit < math.inf:
             raise ModelError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
@@ -116,8 +117,18 @@ class Axes:
     def _draw(self, rng: np.random.Generator, episode: int | None) -> Episode:
         return draw(
             self.plant, self.scale, rng, self.episode_steps + 2, self.sample_time, self.tasks, self.spread,
-            self.memory, self.mechanism.start, self.split, episode,
+            self.memory, self.mechanism.start, self.split, episode, self.mechanism.limits, self.mechanism.push,
         )
+
+    def _load(self) -> float:
+        """Largest torque of gravity, springs, cogging and the like of the plant where the axis may go [N m]."""
+        parts = [e for e in self.plant.effects if e.is_native and e.kind != "friction" and not e.hidden_inertia]
+        begin, reach = self.mechanism.start, 100 * self.scale.breakaway
+        low, high = (0.0, 2 * math.pi) if begin is None else (begin, begin)
+        low, high = np.clip((low - reach, high + reach), *self.mechanism.limits)
+        position = np.linspace(low, high, 1000)
+        still = replace(self.plant, effects=tuple(parts)).joint()
+        return float(np.abs(still.replay(np.arange(1000.0), position, np.zeros(1000)).torque).max())
 
     def _sees(self, time: Array, position: Array) -> Array:
         """What the effects of the sensor make of the positions."""
@@ -151,15 +162,22 @@ class Axes:
         """Begins the episode of axis i anew with another plant: the same reference, another friction.
 
         Args:
-            plant: with the effects of the environment's plant, and as many elements.
+            plant: with the effects of the environment's plant, as many elements and its inertia, or none.
         """
+        plant = plant_of(plant)
         episode = self.episodes[i]
         if episode is None:
             raise ModelError("there is no episode yet; reset the environment first")
         own, given = ([f"{e.name} with {e.elements}" for e in p.effects] for p in (self.plant, plant))
         if own != given:
             raise ModelError(f"another plant needs the effects {listing(own)} elements; {listing(given)} given")
-        memory = None if episode.memory is None else at_rest(plant, self.scale, np.random.default_rng(0), 0.0)[1]
+        inertia = self.plant.inertia
+        if plant.inertia is not None and plant.inertia != inertia:
+            raise ModelError(f"another plant needs the inertia of the axis, {inertia:g}; {plant.inertia:g} given")
+        plant, memory = replace(plant, inertia=inertia).complete(), None
+        if episode.memory is not None:
+            rng, push = np.random.default_rng(0), self.mechanism.push
+            memory = at_rest(plant, self.scale, rng, episode.position, push, there=True)[1]
         readings = self._begin([i], [replace(episode, plant=plant, memory=memory)])
         self.reading[i] = self.last_reading[i] = readings[0]
         self.position[i], self.torque[i], self.step_number[i] = self.start[i], 0.0, 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,9 @@ Array = NDArray[np.float64]
 SPLITS = ("train", "test", "held_out_friction")
 MEMORIES = ("virgin", "random")
 N_EPISODES = 64  # of each fixed split
-_SETTLING = 200  # ms until the axis has come to rest
+_SETTLING = 200  # ms in which most axes have come to rest
+_MOST_SETTLING = 60  # times as long, for those that have not
+_STILL = 1e-4  # break-away distances in a quarter of that time: less is rest
 _STREAM = 20140  # keeps the episodes of the fixed splits the same for everybody
 
 
@@ -59,6 +62,16 @@ def scale_of(plant: Plant, resolution: float) -> Scale:
     return Scale(level, max(breakaway, 50 * resolution), 3 * level / plant.inertia)
 
 
+def needed(plant: Plant, scale: Scale) -> float:
+    """Torque that friction and inertia ask for along the fastest references [N m]."""
+    b = scale.breakaway
+    speed = min(940 * b, math.sqrt(50 * b * scale.acceleration))  # of 50 break-aways, point to point in 0.1 s or more
+    position = np.linspace(0.0, 20 * b, 400)
+    friction = plant.friction.joint().replay(position / speed, position, np.full(400, speed)).torque
+    assert plant.inertia is not None
+    return float(np.abs(friction).max()) + plant.inertia * scale.acceleration
+
+
 @dataclass(frozen=True)
 class Episode:
     """One episode.
@@ -78,6 +91,7 @@ class Episode:
     memory: Array | None = None
 
 
+Room = tuple[float, float]  # how far a reference may go down (at most 0) and up (at least 0) from its start [rad]
 Moves = Iterator[tuple[float, float, float]]  # distance [rad], duration [s], rest after it [s]
 
 
@@ -104,12 +118,22 @@ def _point_to_point(rng: np.random.Generator, scale: Scale) -> Moves:
         yield side * scale.breakaway * _log(rng, 5, 50), rng.uniform(0.1, 0.3), rng.uniform(0.05, 0.15)
 
 
-def _along(moves: Moves, n: int, sample_time: float, most: float) -> Array:
-    """Minimum-jerk moves one after the other; slower ones where they would exceed the acceleration `most`."""
+def _fitting(distance: float, room: Room) -> float:
+    """The distance; the other way, or to the farther end, where there is no room for it."""
+    low, high = room
+    fits = (d for d in (distance, -distance) if low <= d <= high)
+    return next(fits, high if high > -low else low)
+
+
+def _along(moves: Moves, n: int, sample_time: float, most: float, room: Room) -> Array:
+    """Minimum-jerk moves one after the other; slower ones where they would exceed the acceleration `most`, the other
+    way or shorter where they would leave the room."""
+    low, high = room
     out = np.zeros((n, 3))
     k, start = 0, 0.0
     while k < n:
         distance, duration, rest = next(moves)
+        distance = _fitting(distance, (low - start, high - start))
         duration = max(duration, math.sqrt(5.78 * abs(distance) / most))
         m = max(round(duration / sample_time), 2)
         s = np.arange(m) / m
@@ -136,22 +160,29 @@ def _wave(amplitude: float, frequency: float, n: int, sample_time: float) -> Arr
     return amplitude * np.stack([1 - np.cos(x), w * np.sin(x), w**2 * np.cos(x)], axis=1)
 
 
-def _slow_sine(rng: np.random.Generator, scale: Scale, n: int, sample_time: float) -> Array:
+def _sine(amplitude: float, frequency: float, scale: Scale, n: int, sample_time: float, room: Room) -> Array:
+    """A wave to one side; slower where it would exceed the acceleration, the other way or less where it has no room."""
+    amplitude = _fitting(2 * amplitude, room) / 2
+    slow = math.sqrt(scale.acceleration / abs(amplitude)) / (2 * math.pi) if amplitude else math.inf
+    return _wave(amplitude, min(frequency, slow), n, sample_time)
+
+
+def _slow_sine(rng: np.random.Generator, scale: Scale, n: int, sample_time: float, room: Room) -> Array:
     side = float(rng.choice((-1, 1)))
-    return _wave(side * scale.breakaway * _log(rng, 0.05, 1.0), _log(rng, 1.0, 5.0), n, sample_time)
+    amplitude, frequency = side * scale.breakaway * _log(rng, 0.05, 1.0), _log(rng, 1.0, 5.0)
+    return _sine(amplitude, frequency, scale, n, sample_time, room)
 
 
-def _quadrants(rng: np.random.Generator, scale: Scale, n: int, sample_time: float) -> Array:
+def _quadrants(rng: np.random.Generator, scale: Scale, n: int, sample_time: float, room: Room) -> Array:
     amplitude, frequency = scale.breakaway * _log(rng, 5, 30), _log(rng, 1.0, 4.0)
-    frequency = min(frequency, math.sqrt(scale.acceleration / amplitude) / (2 * math.pi))
-    return _wave(float(rng.choice((-1, 1))) * amplitude, frequency, n, sample_time)
+    return _sine(float(rng.choice((-1, 1))) * amplitude, frequency, scale, n, sample_time, room)
 
 
 def _moving(moves: Callable[[np.random.Generator, Scale], Moves]) -> Callable[..., Array]:
-    return lambda rng, scale, n, sample_time: _along(moves(rng, scale), n, sample_time, scale.acceleration)
+    return lambda rng, scale, n, sample_time, room: _along(moves(rng, scale), n, sample_time, scale.acceleration, room)
 
 
-TASKS: dict[str, Callable[[np.random.Generator, Scale, int, float], Array]] = {
+TASKS: dict[str, Callable[[np.random.Generator, Scale, int, float, Room], Array]] = {
     "micro_steps": _moving(_micro_steps),  # 0.02 to 0.5 of the break-away distance, with rests
     "slow_sine": _slow_sine,  # 0.1 to 2 break-away distances from turn to turn, 1 to 5 Hz
     "reversals": _moving(_reversals),  # turning points 0.05 to 3 break-away distances apart, no rest
@@ -213,17 +244,28 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
     return replace(plant, effects=tuple(built))
 
 
-def at_rest(plant: Plant, scale: Scale, rng: np.random.Generator, position: float) -> tuple[float, Array | None]:
+def _no_push(position: float) -> float:
+    return 0.0
+
+
+def at_rest(
+    plant: Plant, scale: Scale, rng: np.random.Generator, position: float, push: Callable[[float], float] = _no_push,
+    near: float = math.inf, there: bool = False,
+) -> tuple[float, Array | None]:
     """Where the axis comes to rest after some history, and the state of the native effects there.
 
-    Every element begins at a random part of its level and lets go of the axis, which is held by nothing else and
-    critically damped: what is left are elements that are loaded against each other.
+    Every element begins at a random part of its level and lets go of the axis, which is critically damped and held by
+    nothing but what the mechanism does: what is left are elements that are loaded against each other, and against
+    weight and springs. Couplings begin unloaded. What nothing holds begins where it is let go.
 
     Args:
         plant: every parameter set.
         scale: of the plant.
         rng: draws the history.
         position: where it lets go [rad].
+        push: torque of the mechanism on the joint at a position [N m].
+        near: how far away it may come to rest [rad].
+        there: whether it rests at `position`, let go as far beside as it needs to.
 
     Returns:
         Position [rad] and (n_state,) state; None where nothing has a memory.
@@ -233,14 +275,40 @@ def at_rest(plant: Plant, scale: Scale, rng: np.random.Generator, position: floa
         return position, None
     damping = 2 * math.sqrt(scale.level / scale.breakaway * plant.driven_inertia)
     drag = effects.find("viscous")(coefficient=damping)
-    damped = (plant.replace(drag) if "viscous" in plant else plant + drag).joint()
+    if "thermal_drift" in plant:  # it is as cold at the start as before
+        plant = plant.replace(plant["thermal_drift"].replace(time_constant=1e9))
+    free, damped = plant.joint(), (plant.replace(drag) if "viscous" in plant else plant + drag).joint()
     memory = rng.uniform(-1, 1, joint.n_memory)
-    motion = damped.simulate(
-        plant.driven_inertia, 1e-3, np.zeros(_SETTLING), position, substeps=5, memory=memory, states=True
-    )
-    if motion.states is None or not np.isfinite(motion.position[-1]):
-        return position, None
-    return float(motion.position[-1]), motion.states[-1]
+    for name, place in plant.memory_places.items():
+        if plant[name].kind != "friction":
+            memory[place] = 0.0
+
+    def settle(position: float) -> tuple[float, Array]:
+        begin: dict[str, Any] = {"memory": memory}
+        now, velocity, axis = position, 0.0, damped
+        for k in range(_MOST_SETTLING):
+            motion = axis.simulate(
+                plant.driven_inertia, 1e-3, np.full(_SETTLING, push(now)), now, velocity, 5, k * _SETTLING * 1e-3,
+                states=True, **begin,
+            )  # fmt: skip
+            assert motion.states is not None
+            still = np.ptp(motion.position[-_SETTLING // 4 :]) < _STILL * scale.breakaway
+            if axis is free and np.ptp(motion.position) < 100 * _STILL * scale.breakaway:
+                return now, begin["state"]
+            now, velocity = float(motion.position[-1]), float(motion.velocity[-1])
+            if not abs(now - position) < near:
+                break
+            begin = {"state": motion.states[-1]}
+            # What creeps to rest against the damping may stand where friction that weakens lets go: without, it shows.
+            axis = free if axis is damped and still else damped
+            velocity = 0.0 if axis is free else velocity
+        held = joint.simulate(1e30, 1e-3, np.zeros(2), position, states=True, memory=memory)
+        assert held.states is not None
+        return position, held.states[-1]
+
+    if there:
+        return position, settle(2 * position - settle(position)[0])[1]
+    return settle(position)
 
 
 def draw(
@@ -255,6 +323,8 @@ def draw(
     start: float | None = None,
     split: str = "train",
     episode: int | None = None,
+    limits: tuple[float, float] = (-math.inf, math.inf),
+    push: Callable[[float], float] = _no_push,
 ) -> Episode:
     """Draws an episode: of the fixed splits one of `N_EPISODES`, the same for everybody.
 
@@ -271,6 +341,8 @@ def draw(
         split: "train", "test" (other references and frictions of the same distributions) or "held_out_friction"
             (frictions outside the range of the training).
         episode: number of the episode in a fixed split, from 0.
+        limits: of the joint [rad]; no reference leaves them.
+        push: torque of the mechanism on the joint at a position, see `at_rest` [N m].
 
     Raises:
         ModelError: no such spread, memory, split, task or episode.
@@ -286,10 +358,16 @@ def draw(
     elif episode is not None:
         raise ModelError("the train split has no numbered episodes; seed it, or take another split")
     scattered = scatter(plant, rng, spread, split == "held_out_friction")
+    begins = start is not None
     if start is None:
         start = float(rng.uniform(0, 2 * math.pi)) if plant.kind == "hinge" else 0.0
     task = tasks[int(rng.integers(len(tasks)))]
-    reference = TASKS[task](rng, scale, n, sample_time)
-    position, state = at_rest(scattered, scale, rng, start) if memory == "random" else (start, None)
+    low, high = (float(x) for x in limits)
+    reference = TASKS[task](rng, scale, n, sample_time, (min(low - start, 0.0), max(high - start, 0.0)))
+    position, state = start, None
+    if memory == "random":
+        limited = math.isfinite(low) or math.isfinite(high)  # the reference has its room around the start
+        near = 100 * scale.breakaway if begins else math.inf
+        position, state = at_rest(scattered, scale, rng, start, push, near, limited)
     reference[:, 0] += position
     return Episode(scattered, task, position, reference, state)

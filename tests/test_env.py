@@ -403,6 +403,101 @@ def test_random_memory_begins_at_rest_with_elements_loaded_against_each_other():
     assert one.position[0] == many.position[1] != many.position[0]
 
 
+def pendulum(mass: float, more: str = "") -> str:
+    return (
+        '<mujoco><compiler angle="radian"/><worldbody><body>'
+        f'<joint name="j" axis="0 1 0" {more}/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="{mass}"/>'
+        "</body></worldbody></mujoco>"
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"plant": (gms.effects.FlexibleCoupling(inertia=8e-6, frequency=20.0, damping=0.02),)},
+        {"plant": (gms.effects.Backlash(inertia=8e-6, gap=1e-3, frequency=100.0, damping=0.1),)},
+        {"plant": (gms.effects.Gravity(amplitude=2e-3, phase=0.3),)},
+        {"plant": (gms.effects.Spring(stiffness=1e-2, preload=1e-3),)},
+        {"plant": (gms.effects.ThermalDrift(amplitude=-0.5, time_constant=10.0),)},
+        {"plant": "arm_joint", "model": ARM, "joint": "elbow"},
+        {"plant": "arm_joint", "model": pendulum(2.0), "joint": "j"},
+        {"plant": "arm_joint", "model": pendulum(0.5, 'stiffness="3" springref="0.5"'), "joint": "j"},
+    ],
+    ids=["soft coupling", "backlash", "gravity", "spring", "heat", "arm", "weight", "spring of the model"],
+)
+def test_random_memory_begins_at_rest_whatever_acts_on_the_axis(options):
+    plant = options["plant"]
+    if not isinstance(plant, str):
+        options = {"plant": dataclasses.replace(p := Plant.load("servo_axis"), effects=(*p.effects, *plant))}
+    axes = Axes(memory="random", spread=1.0, **options)
+    for seed in range(3):
+        axes.reset([0], [np.random.default_rng(seed)])
+        start = axes.position[0]
+        for _ in range(200):
+            axes.step(np.zeros(1))
+        assert abs(axes.position[0] - start) < 0.02 * axes.scale.breakaway
+
+
+def test_another_plant_begins_at_rest_in_the_same_place_with_the_same_inertia():
+    plant = Plant.load("servo_axis") + gms.effects.Gravity(amplitude=2e-3, phase=0.3)
+    other = plant.replace(plant["gms"].replace(coulomb=5e-3, static=5.5e-3))
+    axes = Axes(plant=plant, memory="random", spread=1.0)
+    axes.reset([0], [np.random.default_rng(2)])
+    start = axes.position[0]
+    axes.exchange(0, dataclasses.replace(other, inertia=None))
+    assert axes.position[0] == start
+    for _ in range(200):
+        axes.step(np.zeros(1))
+    assert abs(axes.position[0] - start) < 0.02 * axes.scale.breakaway
+    with pytest.raises(ModelError, match=r"needs the inertia of the axis, 2\.4e-05; 4\.8e-05 given"):
+        axes.exchange(0, dataclasses.replace(plant, inertia=2 * J))
+
+
+@pytest.mark.parametrize("limits", [(0.0, 0.05), (-0.003, 0.2), (-1.0, 0.0), (-0.5, 0.5)])
+@pytest.mark.parametrize("memory", ["virgin", "random"])
+def test_references_stay_in_the_range_of_the_joint(limits, memory):
+    text = f'<inertial pos="0 0 0" mass=".1" diaginertia="{J} {J} {J}"/>'
+    text = f'<joint name="j" axis="0 0 1" range="{limits[0]} {limits[1]}" limited="true"/>{text}'
+    text = f'<mujoco><compiler angle="radian"/><worldbody><body>{text}</body></worldbody></mujoco>'
+    axes = Axes(model=text, joint="j", memory=memory, episode_steps=1000)
+    moved = 0
+    for seed in range(12):
+        axes.reset([0], [np.random.default_rng(seed)])
+        r = axes.reference[0]
+        assert limits[0] - COUNT <= r[:, 0].min() and r[:, 0].max() <= limits[1] + COUNT
+        assert r[0, 1] == 0 and np.abs(r[:, 2]).max() <= 1.001 * axes.scale.acceleration
+        np.testing.assert_allclose(np.diff(r[:, 0]), 5e-4 * (r[1:, 1] + r[:-1, 1]) / 2, atol=1e-3 * np.ptp(r[:, 0]))
+        moved += np.ptp(r[:, 0]) > 0.02 * axes.scale.breakaway
+    assert moved == 12
+
+
+@pytest.mark.parametrize(
+    ("effects", "least"),
+    [
+        ([gms.effects.Viscous(coefficient=1e-3)], 0.0),
+        ([gms.effects.Viscous(coefficient=2.4e-3), gms.effects.Coulomb(coulomb=1e-5)], 0.0),
+        ([gms.effects.QuadraticDrag(coefficient=1e-5)], 0.0),
+        ([gms.effects.Coulomb(coulomb=4e-3), gms.effects.Gravity(amplitude=0.1, phase=0.3)], 0.1399),
+        ([gms.effects.Coulomb(coulomb=4e-3), gms.effects.Spring(stiffness=1e-2)], 2e-2 * math.pi + 0.0399),
+    ],
+    ids=["drag", "drag and friction", "quadratic drag", "gravity", "spring"],
+)
+def test_the_drive_is_strong_enough_for_what_it_is_asked(effects, least):
+    axes = Axes(plant=Plant(J, tuple(effects)), spread=1.0)
+    assert axes.torque_limit >= least
+    load = Plant(J, tuple(effects)).joint()
+    for seed in range(20):
+        axes.reset([0], [np.random.default_rng(seed)])
+        q, v, a = axes.reference[0].T
+        need = np.abs(J * a - load.replay(np.arange(len(q)) * 5e-4, q, v).torque).max()
+        assert need < axes.torque_limit
+
+
+def test_of_an_axis_whose_friction_is_dry_the_limit_is_ten_times_that():
+    axes = Axes()
+    assert axes.torque_limit == 10 * axes.scale.level
+
+
 def test_friction_may_be_drawn_from_the_intervals_of_a_fit():
     plant = Plant.load(MODELS / "servo_axis.toml")
     intervals = {"gms.coulomb": (4e-3, 5e-3), "gms.static": (4.1e-3, 6e-3), "gms.fraction[2]": (0.02, 0.04)}
