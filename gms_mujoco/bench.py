@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
 
 import mujoco
@@ -27,7 +28,7 @@ from .frf import FRF, estimate_frf
 from .plant import Plant
 from .record import Record
 from .responses.distortion import Distortion, find_distortion
-from .simulate import simulate
+from .simulate import expect_bench, generator, simulate
 
 Array = NDArray[np.float64]
 Controller = Callable[[Array], float]  # an observation of ServoTracking to a torque, as in `gms_mujoco.control`
@@ -115,6 +116,9 @@ def measure(
         raise DataError("a reference needs a controller that follows it; give one, or let the excitation be a torque")
     if not waves:
         raise DataError("no excitation; at least one is needed")
+    for what, count, least in (("periods", periods, 1), ("transient", transient, 0)):
+        if isinstance(count, bool) or not isinstance(count, Integral) or count < least:
+            raise DataError(f"{what} must be a whole number from {least} on; {count!r} given")
     first = waves[0]
     for w in waves:
         if len(w.wave) != len(first.wave) or w.sample_time != first.sample_time or not np.array_equal(
@@ -181,6 +185,9 @@ def run_loop(
         ModelError: a parameter has no value.
         DataError: the signals differ in length, or the motion runs away.
     """
+    expect_bench(position_noise, resolution, torque_noise, substeps)
+    if not isinstance(torque_limit, Real) or not torque_limit > 0:
+        raise DataError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
     reference = np.asarray(reference, float)
     n = len(reference)
     extra = np.zeros(n) if added is None else np.asarray(added, float)
@@ -192,7 +199,7 @@ def run_loop(
     data.qpos[0] = position
     time = np.asarray(sample_time * np.arange(n), float)
     sensors = [e for e in plant.effects if e.kind == "sensor"]
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     noise = position_noise * rng.standard_normal(n)
     speed = np.gradient(reference, sample_time)
     observed = np.column_stack([  # in the order of ServoTracking

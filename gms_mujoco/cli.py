@@ -376,8 +376,6 @@ def _train(options: argparse.Namespace) -> None:
     from .view import RECORDING, write_training
 
     _expect_seed(options)
-    if not 0 < options.bandwidth < math.inf:
-        raise GmsError(f"--bandwidth must be a positive number of Hz; {options.bandwidth:g} given")
     folder = files.expect_folder(options.output)
     with Bar() as bar:
         result = train(

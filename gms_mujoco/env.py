@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LOOKS = 8  # at the friction in a frame: it changes faster than the picture
+_LOOKS = 400.0  # a second, of "human"
 
 
 def episode_option(options: Mapping[str, Any] | None) -> Any:
@@ -72,7 +72,7 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         **options: those of `Axes` but `n`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"]}  # noqa: RUF012
     _goal: ClassVar[type[Goal]]
 
     def __init__(self, render_mode: str | None = None, recording: Any = None, **options: Any) -> None:
@@ -82,6 +82,8 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
             )
         self.render_mode = render_mode
         self.axes = Axes(1, **options)
+        # A picture a step, as Gymnasium's recorders take them, at the speed of the axis.
+        self.metadata = {**self.metadata, "render_fps": max(round(1 / self.axes.sample_time), 1)}
         self.task = self._goal(self.axes)
         self.action_space = action_space()
         self.observation_space = observation_space(self.task)
@@ -160,7 +162,7 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         if self._scene is None:
             from .view import stream
 
-            self._scene = stream(model, data, self._recording, rate=_LOOKS * self.metadata["render_fps"])
+            self._scene = stream(model, data, self._recording, rate=_LOOKS)
         self._scene(model, data, reference=self.axes.target()[0], position=self.axes.position[0])
 
     def close(self) -> None:

@@ -264,7 +264,8 @@ def train(
             progress((k + 1) / (generations + 1), f"error {1 / curve[-1][1]:.2f} times below the PID")
     runs = []
     traces: Array = np.zeros((3, 0))
-    for split in ("test", "held_out_friction"):
+    # Where there is one friction alone, none is held out.
+    for split in ("test", "held_out_friction")[: 1 if options.get("spread") == 1 else 2]:
         test = ServoTrackingVector(TEST_EPISODES, split=split, episode_steps=episode_steps, **options)
         pid, own = (
             _played(test, Residual(sizes, w, bandwidth), episodes=list(range(TEST_EPISODES)))

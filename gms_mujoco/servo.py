@@ -29,6 +29,11 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with plugin_state, the forces of
 _WORTH_THREADS = 32  # axes: fewer step faster on one thread than others wake up
 
 
+def _is(kind: type, value: Any) -> bool:
+    """A number of that kind; True is none."""
+    return isinstance(value, kind) and not isinstance(value, bool | np.bool_)
+
+
 class Axes:
     """n independent servo axes, each with its own friction: the physics and the measurement of all environments.
 
@@ -77,19 +82,20 @@ class Axes:
         if resolution is None:
             resolution = 1e-6 * (2 * math.pi if self.plant.kind == "hinge" else 1)
         for name, value in {"rate": rate, "resolution": resolution}.items():
-            if not isinstance(value, Real) or not 0 < value < math.inf:
+            if not _is(Real, value) or not 0 < value < math.inf:
                 raise ModelError(f"{name} must be positive; {value!r} given")
         for name, count in {"substeps": substeps, "episode_steps": episode_steps, "n": n}.items():
-            if not isinstance(count, Integral) or count < 1:
+            if not _is(Integral, count) or count < 1:
                 raise ModelError(f"{name} must be a whole number from 1 on; {count!r} given")
         self.n, self.sample_time, self.substeps, self.episode_steps = n, 1 / rate, substeps, episode_steps
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)
         self.scale = scale_of(self.plant, self.resolution)
         most = max(10 * self.scale.level, 2 * needed(self.plant, self.scale)) + self.mechanism.weight + self._load()
-        self.torque_limit = most if torque_limit is None else float(torque_limit)
-        if not 0 < self.torque_limit < math.inf:
+        limit = most if torque_limit is None else torque_limit
+        if not _is(Real, limit) or not 0 < limit < math.inf:
             raise ModelError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
+        self.torque_limit = float(limit)
         self._draw(np.random.default_rng(0), None)  # a wrong split, spread or task shows here
         self._sensors = [e for e in self.plant.effects if e.kind == "sensor"]
         self._nominal = self._build(self.plant)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from numbers import Integral, Real
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .effect import LOADED
-from .errors import DataError
+from .errors import DataError, ModelError
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
 from .record import Record
@@ -86,18 +88,31 @@ def simulate(
     Raises:
         ModelError: a parameter has no value, a load is heavier than the axis that it is a part of, or the plant takes a
             goal and a torque is given, or the other way round.
-        DataError: the motion runs away, or there is no sample time.
+        DataError: the motion runs away, or an argument cannot be: a torque that is not finite, no sample time.
     """
+    if not isinstance(plant, Plant):
+        raise ModelError(f"a Plant is expected, as gms.Plant.load() reads one; {plant!r} given")
     plant.complete()
+    expect_bench(position_noise, resolution, torque_noise, substeps)
+    rng = generator(seed)
     if isinstance(torque, ServoRun):
-        rng = np.random.default_rng(seed)
         reached = simulate_run(expect_servo(plant), torque)
         return replace(torque, position=_read(reached, position_noise, resolution, rng))
     plant.torque_driven()
-    if sample_time is None:
-        raise DataError("a torque needs its sample_time [s]")
+    if not isinstance(sample_time, Real) or not 0 < sample_time < math.inf:
+        raise DataError(f"a torque needs its sample_time, a positive number [s]; {sample_time!r} given")
     plant.light_loads()
     command = np.asarray(torque, float)
+    if command.ndim != 1:
+        raise DataError(f"{name}: the torque has shape {command.shape}; one number for each sample is expected")
+    for what, given in (("torque", command), ("load", load), ("temperature", temperature)):
+        if given is None:
+            continue
+        if np.shape(given) != command.shape:
+            raise DataError(f"{name}: {what} has shape {np.shape(given)}, the torque {command.shape}")
+        if not np.isfinite(given).all():
+            k = int(np.argmin(np.isfinite(given)))
+            raise DataError(f"{name}: {what} is {given[k]} at sample {k}, {sample_time * k:g} s; it must be finite")
     time = np.asarray(sample_time * np.arange(len(command)), float)
     # A drive effect shapes the torque inside a sample: it acts at every time step.
     parts = substeps if plant.drive else 1
@@ -111,7 +126,6 @@ def simulate(
     reached, speed = motion.position[::parts], motion.velocity[::parts]
     if not np.isfinite(reached).all():
         raise DataError(f"{name}: the motion runs away under this torque; the plant or the time step cannot be right")
-    rng = np.random.default_rng(seed)
     # The time steps add h v to the position with the v at their end: it runs half a step ahead of the velocity.
     seen = reached - sample_time / substeps / 2 * (speed - velocity)
     for effect in plant.effects:
@@ -120,6 +134,25 @@ def simulate(
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
     return Record(name, time, signals, use, resolution)
+
+
+def generator(seed: int | None) -> np.random.Generator:
+    """Random numbers from a seed; raises DataError where it is none."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise DataError(f"seed must be a whole number from 0 on, or None; {seed!r} given") from None
+
+
+def expect_bench(position_noise: float, resolution: float | None, torque_noise: float, substeps: int) -> None:
+    """Raises DataError where what is logged, or how finely, cannot be."""
+    for name, value in {"position_noise": position_noise, "torque_noise": torque_noise}.items():
+        if not isinstance(value, Real) or not 0 <= value < math.inf:
+            raise DataError(f"{name} must not be negative; {value!r} given")
+    if resolution is not None and (not isinstance(resolution, Real) or not 0 <= resolution < math.inf):
+        raise DataError(f"resolution must not be negative, or None; {resolution!r} given")
+    if isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1:
+        raise DataError(f"substeps must be a whole number from 1 on; {substeps!r} given")
 
 
 def _read(position: Array, noise: float, resolution: float | None, rng: np.random.Generator) -> Array:

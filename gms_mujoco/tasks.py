@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -194,6 +195,8 @@ PRESLIDING = ("micro_steps", "slow_sine", "reversals")
 
 def check_tasks(tasks: Sequence[str]) -> tuple[str, ...]:
     """The names as a tuple; raises ModelError where one does not exist."""
+    if not isinstance(tasks, Iterable):
+        raise ModelError(f"tasks are names out of {listing(TASKS)}; {tasks!r} given")
     names = (tasks,) if isinstance(tasks, str) else tuple(tasks)
     for name in names:
         if name not in TASKS:
@@ -220,12 +223,15 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
         held_out: whether the friction lies outside the range of the training.
 
     Raises:
-        ModelError: the spread is neither, or no friction parameter of the plant has an interval.
+        ModelError: the spread is neither, or 1 of held-out friction, or no friction parameter of the plant has an
+            interval.
     """
     if spread == "uncertainty":
         return sample(plant, 1, rng, kinds=("friction",), outside=held_out)[0]
-    if isinstance(spread, str) or not 1 <= spread < math.inf:
+    if isinstance(spread, bool) or not isinstance(spread, Real) or not 1 <= spread < math.inf:
         raise ModelError(f"spread must be at least 1, or 'uncertainty'; {spread!r} given")
+    if held_out and spread == 1:
+        raise ModelError("friction held out of the training needs a spread above 1; with 1 there is one friction alone")
     size = float(spread)
 
     def factor() -> float:
@@ -351,9 +357,9 @@ def draw(
         if given not in names:
             raise ModelError(f"{what} must be one of {listing(names)}; {given!r} given")
     if split != "train":
-        number = int(rng.integers(N_EPISODES)) if episode is None else int(episode)
-        if not 0 <= number < N_EPISODES:
-            raise ModelError(f"episode must lie in [0, {N_EPISODES - 1}]; {number} given")
+        number = int(rng.integers(N_EPISODES)) if episode is None else episode
+        if isinstance(number, bool) or not isinstance(number, Integral) or not 0 <= number < N_EPISODES:
+            raise ModelError(f"episode must be a whole number in [0, {N_EPISODES - 1}]; {number!r} given")
         rng = np.random.default_rng([_STREAM, SPLITS.index(split), number])
     elif episode is not None:
         raise ModelError("the train split has no numbered episodes; seed it, or take another split")

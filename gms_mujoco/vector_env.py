@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from numbers import Integral
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -74,7 +75,10 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         """
         n = self.num_envs
         if seed is not None or not self._random:
-            seeds = [seed + i for i in range(n)] if isinstance(seed, int) else list(seed or [None] * n)
+            if isinstance(seed, Integral):
+                seeds: list[Any] = [int(seed) + i for i in range(n)]
+            else:
+                seeds = [None] * n if seed is None else self._each("seed", seed)
             super().reset(seed=seeds[0])
             old: list[Any] = self._random or [None] * n
             self._random = [
@@ -82,10 +86,17 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
                 for r, s in zip(old, seeds, strict=True)
             ]
         episode = episode_option(options)
-        numbers = [episode] * n if np.ndim(episode) == 0 else list(episode)
+        numbers = [episode] * n if np.ndim(episode) == 0 else self._each("episode", episode)
         self._begin(range(n), numbers)
         self._ended[:] = False
         return self.task.observe(), self._info()
+
+    def _each(self, name: str, given: Any) -> list[Any]:
+        """One for each axis, as Python has them."""
+        values = [v.item() if isinstance(v, np.generic) else v for v in given]
+        if len(values) != self.num_envs:
+            raise ModelError(f"one {name} for each of {self.num_envs} axes is expected, or one; {len(values)} given")
+        return values
 
     def _begin(self, rows: Sequence[int], episodes: Sequence[int | None] | None = None) -> None:
         self.axes.reset(rows, [self._random[i] for i in rows], episodes)

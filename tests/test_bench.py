@@ -86,6 +86,12 @@ def test_mistakes_of_the_bench_are_told() -> None:
         ({"enters": "reference"}, "needs a controller"),
         ({"excitation": []}, "no excitation"),
         ({"excitation": [WAVE, Excitation.sine(H, 10, 1)]}, "realisations must have equal"),
+        ({"transient": -1}, "transient must be a whole number from 0 on; -1 given"),
+        ({"periods": 1.5}, "periods must be a whole number from 1 on"),
+        ({"controller": pid, "torque_limit": np.nan}, "torque_limit must be positive"),
+        ({"controller": pid, "substeps": 0}, "substeps must be a whole number from 1 on"),
+        ({"controller": pid, "seed": -1}, "seed must be a whole number"),
+        ({"controller": pid, "resolution": -1.0}, "resolution must not be negative"),
     ):
         with pytest.raises(DataError, match=words):
             measure(AXIS, **{"excitation": WAVE, **change})

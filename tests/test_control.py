@@ -53,6 +53,21 @@ def test_pid_has_its_three_poles_at_the_bandwidth():
     assert pid.integral == 1e-6
 
 
+@pytest.mark.parametrize("value", [0, -1.0, np.nan, None])
+def test_a_number_of_a_controller_is_positive(value):
+    for make in (
+        lambda: control.PID(value, H),
+        lambda: control.PID(J, value),
+        lambda: control.PID(J, H, bandwidth=value),
+        lambda: control.ADRC(J, H, observer=value),
+        lambda: control.DisturbanceObserver(J, H, bandwidth=value),
+        lambda: control.GMSObserver(PLANT, value),
+        lambda: control.ILC(lambda: pid(0), H, bandwidth=value),
+    ):
+        with pytest.raises(gms.ModelError, match="of a controller must be a positive number"):
+            make()
+
+
 def test_a_follower_is_the_replay_step_by_step():
     t = np.arange(400) * H
     q = 0.02 * np.sin(2 * np.pi * 5 * t) + 1.0

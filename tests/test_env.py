@@ -610,6 +610,16 @@ def test_a_plant_may_be_a_file(tmp_path):
         ({"episode_steps": 20.5}, "episode_steps must be a whole number from 1 on"),
         ({"torque_limit": -1}, "torque_limit must be positive"),
         ({"render_mode": "ascii"}, "render_mode must be one of human, rgb_array"),
+        ({"plant": 3}, "a Plant, the path of a model.toml or a name out of models/ is expected; 3 given"),
+        ({"rate": True}, "rate must be positive; True given"),
+        ({"substeps": True}, "substeps must be a whole number"),
+        ({"resolution": -1e-3}, "resolution must be positive"),
+        ({"torque_limit": "x"}, "torque_limit must be positive .*; 'x' given"),
+        ({"torque_limit": math.nan}, "torque_limit must be positive"),
+        ({"tasks": None}, "tasks are names out of .*; None given"),
+        ({"spread": None}, "spread must be at least 1, or 'uncertainty'; None given"),
+        ({"spread": True}, "spread must be at least 1"),
+        ({"spread": 1, "split": "held_out_friction"}, "held out of the training needs a spread above 1"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render_mode")
@@ -623,7 +633,10 @@ def test_wrong_options_of_reset_are_refused():
     env = environments.ServoTracking(split="test")
     for options, message in (
         ({"seed": 1}, "no option 'seed'; its options are episode"),
-        ({"episode": N_EPISODES}, r"must lie in \[0, 63\]"),
+        ({"episode": N_EPISODES}, r"must be a whole number in \[0, 63\]; 64 given"),
+        ({"episode": 3.7}, "whole number in .*; 3.7 given"),
+        ({"episode": "3"}, "whole number in .*; '3' given"),
+        ({"episode": True}, "whole number in .*; True given"),
     ):
         with pytest.raises(ModelError, match=message):
             env.reset(options=options)
@@ -631,6 +644,26 @@ def test_wrong_options_of_reset_are_refused():
         environments.ServoTracking().reset(options={"episode": 1})
     with pytest.raises(ModelError, match="reset the environment first"):
         environments.ServoTracking().get_state()
+
+
+def test_seeds_and_episodes_of_many_axes_are_one_or_one_for_each():
+    envs = gym.make_vec(IDS[0], num_envs=3, split="test")
+    seeds = (4, np.int64(4), [4, 5, 6], np.array([4, 5, 6]))
+    first, *others = [envs.reset(seed=s)[0] for s in seeds]
+    for seen in others:
+        np.testing.assert_array_equal(seen, first)
+    for given in ([4, 5], np.arange(4), []):
+        with pytest.raises(ModelError, match=f"one seed for each of 3 axes is expected, or one; {len(given)} given"):
+            envs.reset(seed=given)
+        with pytest.raises(ModelError, match=f"one episode for each of 3 axes is expected, or one; {len(given)} given"):
+            envs.reset(options={"episode": given})
+    with pytest.raises(ModelError, match=r"whole number in .*; 1.5 given"):
+        envs.reset(options={"episode": [1, 1.5, 2]})
+
+
+def test_a_recorder_shows_the_axis_at_its_speed():
+    for rate in (2000.0, 100.0):
+        assert gym.make(IDS[0], rate=rate, render_mode="rgb_array").metadata["render_fps"] == rate
 
 
 def test_information_is_the_log_determinant_of_what_the_motion_tells():

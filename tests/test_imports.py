@@ -1,6 +1,7 @@
 """Imports point one way, as design.md draws it; optional dependencies live at the edges."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from graphlib import TopologicalSorter
@@ -151,3 +152,12 @@ def test_the_package_loads_no_part_of_scipy_before_it_is_used() -> None:
 def test_no_module_imports_itself_through_others() -> None:
     graph = {name: set().union(*(_imports(p)[0] for p in paths)) - {name} for name, paths in MODULES.items()}
     TopologicalSorter(graph).prepare()  # raises a CycleError that names the circle
+
+
+def test_stable_baselines_that_is_not_installed_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gms_mujoco.errors import GmsError
+
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.delitem(sys.modules, "gms_mujoco.sb3", raising=False)
+    with pytest.raises(GmsError, match=r"needs stable-baselines3: pip install 'gms-mujoco\[rl\]'"):
+        importlib.import_module("gms_mujoco.sb3")

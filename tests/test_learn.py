@@ -130,6 +130,11 @@ def test_the_command_writes_policy_figures_and_recording(tmp_path, capsys, monke
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
+def test_of_one_friction_alone_none_is_held_out():
+    result = learn.train(1, population=2, episodes=1, episode_steps=30, spread=1)
+    assert [r.split for r in result.runs] == ["test"]
+
+
 def test_it_trains_on_any_plant():
     import gms_mujoco as gms
 

@@ -111,3 +111,32 @@ def test_a_multisine_has_its_lines_between_low_and_high() -> None:
     assert np.sqrt(np.mean(u**2)) == pytest.approx(0.7) and abs(u.mean()) < 1e-12
     assert lines.min() == 5 and lines.max() <= 60 and 15 <= len(lines) <= 30
     np.testing.assert_allclose(power[power > 1e-6 * power.max()], power.max(), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"torque": [0.0, np.nan, 0.0]}, "torque is nan at sample 1, 0.001 s; it must be finite"),
+        ({"torque": np.zeros((3, 2))}, "one number for each sample is expected"),
+        ({"sample_time": -1e-3}, "needs its sample_time, a positive number"),
+        ({"sample_time": "fast"}, "needs its sample_time, a positive number"),
+        ({"substeps": 2.5}, "substeps must be a whole number from 1 on; 2.5 given"),
+        ({"substeps": 0}, "substeps must be a whole number from 1 on; 0 given"),
+        ({"seed": -1}, "seed must be a whole number from 0 on, or None; -1 given"),
+        ({"resolution": -1e-3}, "resolution must not be negative"),
+        ({"torque_noise": -1.0}, "torque_noise must not be negative; -1.0 given"),
+        ({"position_noise": np.nan}, "position_noise must not be negative; nan given"),
+        ({"load": np.zeros(4)}, r"load has shape \(4,\), the torque \(3,\)"),
+        ({"temperature": [20.0, np.inf, 20.0]}, "temperature is inf at sample 1"),
+    ],
+)
+def test_an_argument_that_cannot_be_is_told_in_one_line(change: dict, message: str) -> None:
+    what = {"plant": Plant.axis(J), "torque": np.zeros(3), "sample_time": 1e-3} | change
+    with pytest.raises(DataError, match=message) as error:
+        simulate(**what)
+    assert "\n" not in str(error.value)
+
+
+def test_a_plant_is_no_name() -> None:
+    with pytest.raises(ModelError, match=r"a Plant is expected.*'servo_axis' given"):
+        simulate("servo_axis", np.zeros(3), 1e-3)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ModelError
+
 Array = NDArray[np.float64]
 
 POSITION, REFERENCE, VELOCITY, ACCELERATION, AHEAD, ERROR, SPEED, TORQUE = range(8)  # of an observation
+
+
+def expect_positive(**numbers: float) -> None:
+    """Raises ModelError where one of the numbers is not positive."""
+    for name, value in numbers.items():
+        if not isinstance(value, Real) or not value > 0:
+            raise ModelError(f"{name} of a controller must be a positive number; {value!r} given")
 
 
 class Controller:

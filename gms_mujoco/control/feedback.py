@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .base import ACCELERATION, ERROR, POSITION, REFERENCE, SPEED, TORQUE, VELOCITY, Array, Controller
+from .base import ACCELERATION, ERROR, POSITION, REFERENCE, SPEED, TORQUE, VELOCITY, Array, Controller, expect_positive
 
 
 class PID(Controller):
@@ -28,6 +28,7 @@ class PID(Controller):
         self, inertia: float, sample_time: float, bandwidth: float = 50.0, filter: float = 250.0,
         limit: float = math.inf,
     ) -> None:
+        expect_positive(inertia=inertia, sample_time=sample_time, bandwidth=bandwidth, filter=filter, limit=limit)
         w = 2 * math.pi * bandwidth
         self.p, self.i, self.d = 3 * inertia * w**2, inertia * w**3, 3 * inertia * w
         self.sample_time, self.limit = sample_time, limit
@@ -66,6 +67,7 @@ class DisturbanceObserver(Controller):
     def __init__(
         self, inertia: float, sample_time: float, bandwidth: float = 60.0, known: Controller | None = None
     ) -> None:
+        expect_positive(inertia=inertia, sample_time=sample_time, bandwidth=bandwidth)
         self.inertia, self.sample_time, self.known = inertia, sample_time, known
         self.against = 0.0  # torque against the known part in the last sample
         self.rate = 1 - math.exp(-2 * math.pi * bandwidth * sample_time)
@@ -98,6 +100,7 @@ class ADRC(Controller):
     """
 
     def __init__(self, inertia: float, sample_time: float, bandwidth: float = 50.0, observer: float = 150.0) -> None:
+        expect_positive(inertia=inertia, sample_time=sample_time, bandwidth=bandwidth, observer=observer)
         self.inertia, self.sample_time = inertia, sample_time
         self.w = 2 * math.pi * bandwidth
         b = math.exp(-2 * math.pi * observer * sample_time)

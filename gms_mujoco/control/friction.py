@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..plant import Plant
-from .base import ACCELERATION, AHEAD, POSITION, REFERENCE, VELOCITY, Array, Controller
+from .base import ACCELERATION, AHEAD, POSITION, REFERENCE, VELOCITY, Array, Controller, expect_positive
 
 
 class Feedforward(Controller):
@@ -52,6 +52,7 @@ class Follower:
     _HEAVY = 1e30
 
     def __init__(self, plant: Plant, sample_time: float) -> None:
+        expect_positive(sample_time=sample_time)
         self.joint = plant.complete().joint()
         self.sample_time = sample_time
         self.state: Array | None = None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from .base import Array, Controller
+from .base import Array, Controller, expect_positive
 
 
 class ILC(Controller):
@@ -29,6 +29,7 @@ class ILC(Controller):
         self, feedback: Callable[[], Controller], sample_time: float, gain: float = 0.7, bandwidth: float = 100.0,
         lead: int = 2,
     ) -> None:
+        expect_positive(sample_time=sample_time, bandwidth=bandwidth)
         self.make, self.gain, self.lead, self.sample_time = feedback, gain, lead, sample_time
         self.filter = scipy.signal.butter(2, min(2 * bandwidth * sample_time, 0.99))
         self.learned: Array = np.zeros(0)
