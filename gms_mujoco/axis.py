@@ -41,6 +41,7 @@ class Mechanism:
 
     Attributes:
         plant: complete, with the inertia of the joint.
+        bare: whether it is a bare axis; a joint of a model has an inertia of its own.
         joint: name of it.
         start: position of the joint where the model begins [rad]; None where it may begin anywhere.
         limits: of the joint [rad].
@@ -58,7 +59,7 @@ class Mechanism:
         if (model is None) != (joint is None):
             raise ModelError("model and joint go together: an MJCF file and the name of one of its joints")
         self._still: tuple[mujoco.MjModel, mujoco.MjData] | None = None  # of the model, without friction
-        self.limits = (-math.inf, math.inf)
+        self.bare, self.limits = model is None, (-math.inf, math.inf)
         if model is None or joint is None:
             self.plant, self.joint = found.complete().light_loads(), "shaft"
             self.start = None if self.plant.kind == "hinge" else 0.0

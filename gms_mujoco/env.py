@@ -36,6 +36,8 @@ _LOOKS = 400.0  # a second, of "human"
 def episode_option(options: Mapping[str, Any] | None) -> Any:
     """The only option of reset: which episode of a fixed split."""
     options = options or {}
+    if not isinstance(options, Mapping):
+        raise ModelError(f'options of reset are a table, as in {{"episode": 5}}; {options!r} given')
     for key in options:
         if key != "episode":
             raise ModelError(f"reset has no option {key!r}; its options are {listing(['episode'])}")

@@ -178,7 +178,7 @@ class Axes:
         if own != given:
             raise ModelError(f"another plant needs the effects {listing(own)} elements; {listing(given)} given")
         inertia = self.plant.inertia
-        if plant.inertia is not None and plant.inertia != inertia:
+        if self.mechanism.bare and plant.inertia not in (None, inertia):
             raise ModelError(f"another plant needs the inertia of the axis, {inertia:g}; {plant.inertia:g} given")
         plant, memory = replace(plant, inertia=inertia).complete(), None
         if episode.memory is not None:

@@ -640,6 +640,8 @@ def test_wrong_options_of_reset_are_refused():
     ):
         with pytest.raises(ModelError, match=message):
             env.reset(options=options)
+    with pytest.raises(ModelError, match="options of reset are a table"):
+        env.reset(options=["episode"])
     with pytest.raises(ModelError, match="no numbered episodes"):
         environments.ServoTracking().reset(options={"episode": 1})
     with pytest.raises(ModelError, match="reset the environment first"):
