@@ -2,8 +2,9 @@
 
 The drive holds its torque for a whole sample while the encoder reads at one instant. An axis on its mass line
 answers a held torque with `hold_factor` times what it answers a continuous one (half a sample of delay, and a little
-of magnitude); an estimate from torque to position is divided by it, so that it stands beside continuous formulas. The
-factor is exact on the mass line and off it errs by less than 6 (f / sample rate)^4 of the mass line.
+of magnitude); an estimate from torque is divided by it, so that it stands beside continuous formulas. The factor is
+exact on the mass line; off it the position errs by less than 6 (f / sample rate)^4 of the mass line, a velocity by
+3.3 (f / sample rate)^2. A torque that a sensor read at the samples, as the encoder does, is not held.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from .errors import DataError, listing
 from .record import UNITS, USES, Record
-from .responses.spectra import add_quantisation, find_period, periodic, welch
+from .responses.spectra import add_quantisation, find_period, periodic, repeats, welch
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -27,7 +28,7 @@ Complex = NDArray[np.complex128]
 INPUTS: Mapping[str, str] = {"torque": "N m", "current": "A", "voltage": "V", "reference": "1", "load": "N m"}
 OUTPUTS: Mapping[str, str] = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 METHODS = ("h1", "indirect")
-_HOLD_ERROR = 6.0  # times (f / sample rate)^4: what is left of a hold off the mass line, relative
+_HOLD_ERROR = {"position": (6.0, 4), "velocity": (3.3, 2)}  # times (f / sample rate)^..: left of a hold off the mass
 
 
 @dataclass(frozen=True)
@@ -168,13 +169,15 @@ def response_unit(input: str, output: str, kind: str = "hinge") -> str:
     return unit if kind == "hinge" else unit.replace("N m", "N").replace("rad", "m")
 
 
-def hold_factor(frequency: Array, sample_time: float) -> Complex:
+def hold_factor(frequency: Array, sample_time: float, output: str = "position") -> Complex:
     """(n,) response of an inertia to a torque held for each sample over that to a continuous one, at the samples.
 
-    From J (q[k+1] - 2 q[k] + q[k-1]) / h^2 = (u[k-1] + u[k]) / 2, which is exact.
+    From J (q[k+1] - 2 q[k] + q[k-1]) / h^2 = (u[k-1] + u[k]) / 2, or J (v[k+1] - v[k]) / h = u[k] of the velocity,
+    which are exact.
     """
     half = math.pi * np.asarray(frequency, float) * sample_time
-    return np.exp(-1j * half) * np.cos(half) * (half / np.sin(half)) ** 2
+    each = half / np.sin(half)
+    return np.exp(-1j * half) * each * (np.cos(half) * each if output == "position" else 1.0)
 
 
 def estimate_frf(
@@ -187,7 +190,7 @@ def estimate_frf(
     period: float | None = None,
     transient: int | None = None,
     segment: float | None = None,
-    hold: bool = True,
+    hold: bool | None = None,
     kind: str = "hinge",
     name: str | None = None,
 ) -> FRF:
@@ -211,12 +214,14 @@ def estimate_frf(
         period: of the excitation [s], a whole number of samples; None: found from the input (`find_period`).
         transient: periods discarded at the start; None: one, or a quarter of the shortest record where that is more.
         segment: length of Welch segments [s] for excitation without period; None: an eighth of the shortest record.
-        hold: the input is held from sample to sample by the drive; the response is corrected for it.
+        hold: the input is held from sample to sample by the drive; the response is corrected for it. None: unless the
+            records say that it was read at the samples (`Record.sensed`).
         kind: of the joint, "hinge" or "slide", for the unit of the result.
         name: of the result; default: that of the first record.
 
     Raises:
-        DataError: an unknown method or signal, no reference, too few periods, or no excitation.
+        DataError: an unknown method or signal, no reference, too few periods, a period with which the input does not
+            repeat, no excitation, or torques of which some are held and some were read.
     """
     runs = [records] if isinstance(records, Record) else list(records)
     if not runs:
@@ -231,6 +236,18 @@ def estimate_frf(
                 "{ reference = ... }), or one array for each"
             )
         reference = logged[0] if isinstance(records, Record) else [x for x in logged if x is not None]
+    if hold is None:
+        read = [r for r in runs if r.sensed]
+        if read and len(read) < len(runs):
+            other = next(r for r in runs if not r.sensed)
+            raise DataError(f"the torque of {read[0].name} was read at the samples, that of {other.name} is held "
+                            "between them; estimate them apart, or say hold = True or False")
+        hold = not read
+    for word, number in (("period", period), ("segment", segment)):
+        if number is not None and not 0 < number < math.inf:
+            raise DataError(f"{word} must be a positive time [s]; {number!r} given")
+    if transient is not None and not (transient >= 0 and transient == int(transient)):
+        raise DataError(f"transient must be a number of whole periods, 0 or more; {transient!r} given")
     h = runs[0].sample_time
     for r in runs:
         if abs(r.sample_time - h) > 1e-6 * h:
@@ -260,6 +277,11 @@ def estimate_frf(
     if samples is not None:
         if transient is None:
             transient = max(1, math.ceil(0.25 * min(map(len, inputs)) / samples - 0.01))
+        for r, x in zip(runs, references, strict=True):
+            if period is not None and not repeats(x[int(transient) * samples :], samples):
+                found_at = find_period(x)
+                better = f", but with one of {found_at * h:g} s" if found_at else "; leave it out, or give another"
+                raise DataError(f"{r.name}: the input does not repeat with a period of {period:g} s{better}")
         found_ = periodic(title, inputs, outputs, references, samples, transient, h)
         if output == "position" and (count := max(r.resolution or 0.0 for r in runs)):
             add_quantisation(found_[2], count, samples)
@@ -268,13 +290,14 @@ def estimate_frf(
     frequency, response, values, note = found_
     notes: tuple[str, ...] = (note,)
     if hold and input == "torque":
-        factor = hold_factor(frequency, h)
+        factor = hold_factor(frequency, h, output)
         response = response / factor
         for key in ("sigma", "sigma_noise"):
             if values.get(key) is not None:
                 values[key] = values[key] / np.abs(factor)
         if "sigma" in values:  # the factor is exact on the mass line alone
-            values["sigma"] = np.hypot(values["sigma"], _HOLD_ERROR * (frequency * h) ** 4 * np.abs(response))
+            times, power = _HOLD_ERROR[output]
+            values["sigma"] = np.hypot(values["sigma"], times * (frequency * h) ** power * np.abs(response))
         notes += ("corrected for a torque held from sample to sample",)
     alone = samples is not None and len(frequency) == 1
     unit = response_unit(input, output, kind)

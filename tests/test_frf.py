@@ -1,5 +1,8 @@
 """Frequency responses against the closed form of a linear axis, which knows nothing of how they are estimated."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +48,47 @@ def test_hold_factor_is_that_of_the_discrete_double_integrator() -> None:
     z = np.exp(2j * np.pi * f * H)
     exact = H**2 / 2 * (z + 1) / (z - 1) ** 2  # zero-order hold of 1 / s^2
     assert np.allclose(hold_factor(f, H), exact * (2j * np.pi * f) ** 2, rtol=1e-9)
+
+
+def test_a_velocity_has_a_hold_factor_of_its_own() -> None:
+    """On the mass line it is exact, off it sigma says what it errs by."""
+    torque = np.tile(multisine(2000, H, 2, 700, 5e-3, np.random.default_rng(0)), 4)
+    for drag in (1e-12, 1e-2):
+        decay, speed = math.exp(-drag / J * H), np.zeros(len(torque))
+        for k in range(len(torque) - 1):
+            speed[k + 1] = decay * speed[k] + (1 - decay) / drag * torque[k]
+        record = Record("v", H * np.arange(len(torque)), {"torque": torque, "velocity": speed, "position": speed})
+        frf = estimate_frf(record, output="velocity")
+        exact, mass = (1 / (2j * np.pi * frf.frequency * J + d) for d in (drag, 0.0))
+        share = 3.3 * (frf.frequency * H) ** 2
+        assert np.all(np.abs(frf.response - exact) < 1.1 * share * np.abs(mass - exact) + 1e-4 * np.abs(exact))
+        assert np.all(frf.sigma >= share * np.abs(frf.response))
+
+
+def test_a_torque_that_was_read_at_the_samples_is_not_held() -> None:
+    torque = np.tile(multisine(2000, H, 2, 400, 5e-3, np.random.default_rng(0)), 4)
+    held = run(torque)
+    read = replace(held, name="read", sensed=True)
+    assert np.array_equal(estimate_frf(read).response, estimate_frf(held, hold=False).response)
+    assert np.array_equal(estimate_frf(read, hold=True).response, estimate_frf(held).response)
+    with pytest.raises(DataError, match=r"torque of read was read at the samples, that of .* is held"):
+        estimate_frf([held, read])
+    assert len(estimate_frf([held, read], hold=True)) == len(estimate_frf(held))
+
+
+def test_a_period_that_is_not_that_of_the_input_is_refused() -> None:
+    wave = np.tile(multisine(1000, H, 4, 200, 5e-3, np.random.default_rng(1), lines=30), 12)
+    record = run(wave)
+    for right in (0.5, 1.0):
+        assert misfit(estimate_frf(record, period=right)).max() < 2e-3
+    for wrong in (0.45, 0.75, 0.25):
+        with pytest.raises(DataError, match=f"not repeat with a period of {wrong:g} s, but with one of 0.5 s"):
+            estimate_frf(record, period=wrong)
+    rng = np.random.default_rng(0)  # noise in a measured torque makes no period wrong
+    noisy = replace(record, signals={**record.signals, "torque": wave + 3 * wave.std() * rng.standard_normal(12_000)})
+    assert len(estimate_frf(noisy, period=0.5)) > 1
+    with pytest.raises(DataError, match=r"not repeat with a period of 0\.5 s; leave it out"):
+        estimate_frf(run(5e-3 * rng.standard_normal(12_000)), period=0.5)
 
 
 def test_sigma_is_the_scatter_of_the_estimate() -> None:
@@ -191,6 +235,10 @@ def test_mistakes_of_the_estimate_are_told() -> None:
         ({"period": 0.1003}, "not a whole number of samples"),
         ({"period": 0.4}, "periods of 800 are needed"),
         ({"segment": 1.0}, "a segment of 2000 samples"),
+        ({"segment": math.nan}, "segment must be a positive time .*; nan given"),
+        ({"period": math.nan}, "period must be a positive time .*; nan given"),
+        ({"transient": 1.5}, "transient must be a number of whole periods, 0 or more; 1.5 given"),
+        ({"transient": -1}, "transient must be .*; -1 given"),
         ({"reference": np.ones(3)}, "reference has shape"),
     ):
         with pytest.raises(DataError, match=words):

@@ -16,21 +16,16 @@ Found = tuple[Array, Complex, dict[str, Array], str]
 """Frequencies [Hz], responses, what else is known of each (sigma, coherence ...), and a sentence on how."""
 
 _SINE = 0.3  # the input is one sine where every other line is below this part of the strongest
+_ALIKE = 0.9  # times how well a signal repeats with its best period: a period that is another
+_HARDLY = 0.05  # correlation of a signal that does not repeat at all
 _LINE = 0.02  # a line is excited where its input is above this part of the strongest line
 
 
 def find_period(x: Array) -> int | None:
     """Samples after which a signal (n,) repeats itself, None where it does not, or less than twice."""
-    x = x - x.mean()
-    n = len(x)
-    if not x.any():
+    likeness, n = _likeness(x), len(x)
+    if likeness is None:
         return None
-    spectrum = np.fft.rfft(x, 2 * n)
-    product = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 + 1]
-    energy = np.append(0.0, np.cumsum(x**2))
-    lag = np.arange(n // 2 + 1)
-    both = energy[n - lag] + energy[n] - energy[lag]
-    likeness = 2 * product / np.maximum(both, 1e-300)
     away = np.flatnonzero(likeness < 0.8)
     if not len(away):
         return None
@@ -53,6 +48,32 @@ def find_period(x: Array) -> int | None:
     good = np.flatnonzero((off < 0.2 / many) | (share < 1e-5))
     m = int(good[0] if len(good) else share.argmin()) + 1
     return round(m * exact) if m * exact >= 4 else None
+
+
+def repeats(x: Array, period: int) -> bool:
+    """Whether a signal (n,) repeats with a period [samples] about as well as with any; true of less than two periods.
+
+    Noise makes every period worse, the right one too.
+    """
+    if len(x) < 2 * period or (likeness := _likeness(x)) is None:
+        return True
+    away = np.flatnonzero(likeness < 0.8)
+    best = float(likeness[away[0] :].max()) if len(away) else 1.0
+    return bool(likeness[period] > max(_ALIKE * best - 4 / math.sqrt(len(x)), _HARDLY))
+
+
+def _likeness(x: Array) -> Array | None:
+    """(n // 2 + 1,) correlation of a signal (n,) with itself, by the lag; None where it does not vary."""
+    x = x - x.mean()
+    n = len(x)
+    if not x.any():
+        return None
+    spectrum = np.fft.rfft(x, 2 * n)
+    product = np.fft.irfft(np.abs(spectrum) ** 2)[: n // 2 + 1]
+    energy = np.append(0.0, np.cumsum(x**2))
+    lag = np.arange(n // 2 + 1)
+    both = energy[n - lag] + energy[n] - energy[lag]
+    return np.asarray(2 * product / np.maximum(both, 1e-300))
 
 
 def _climb(y: Array, at: int) -> tuple[int, float]:
