@@ -163,6 +163,11 @@ def to_csv(frfs: Sequence[FRF]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def drive_unit(input: str, kind: str = "hinge") -> str:
+    """The unit of an input in SI, such as "N m"; of a slide joint "N"."""
+    return INPUTS[input] if kind == "hinge" else INPUTS[input].replace("N m", "N")
+
+
 def response_unit(input: str, output: str, kind: str = "hinge") -> str:
     """The unit of a response in SI, such as "rad/(N m)"; of a slide joint "m/(N)"."""
     unit = f"{OUTPUTS[output]}/({INPUTS[input]})" if INPUTS[input] != "1" else OUTPUTS[output]

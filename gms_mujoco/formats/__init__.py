@@ -49,6 +49,8 @@ class Table:
         order: names of all columns in the order of the file, those that are no numbers too; () for that of `columns`.
         texts: (n,) of columns that are no numbers but text, to choose rows by.
         remarks: what stands above the names of the columns, and may say a unit.
+        quantities: of columns that are a response and of which the file says it, what over what, as in ("velocity",
+            "torque"); "" for what it does not say.
     """
 
     columns: Mapping[str, Array]
@@ -59,6 +61,7 @@ class Table:
     order: tuple[str, ...] = ()
     texts: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    quantities: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

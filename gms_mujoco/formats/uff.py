@@ -24,6 +24,8 @@ from . import Array, Table, needed
 SUFFIXES = (".uff", ".unv")
 
 _FRF, _TIME, _FREQUENCY, _GENERAL = 4, 17, 18, 1  # func_type, abscissa_spec_data_type
+# Of ordinate_spec_data_type and orddenom_spec_data_type; 9 and 13 are forces of reaction and excitation.
+_QUANTITIES = {8: "position", 9: "torque", 11: "velocity", 12: "acceleration", 13: "torque"}
 _OTHERS = {2: "auto spectrum", 3: "cross spectrum", 6: "coherence", 9: "psd"}
 
 
@@ -42,6 +44,7 @@ def read(path: Path) -> Table:
         raise DataError(f"{path}: no dataset 58 (function); {whole_ones}")
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
+    quantities: dict[str, tuple[str, str]] = {}
     for i, one in enumerate(sets, 1):
         x, data = np.asarray(one["x"], float), np.asarray(one["data"])
         if x.shape != data.shape or x.ndim != 1 or len(x) < 2:
@@ -49,10 +52,13 @@ def read(path: Path) -> Table:
         if int(one["num_pts"]) != len(x):
             raise DataError(f"{path}: function {i} has {len(x)} values, its header says {one['num_pts']}; cut?")
 
-        def put(name: str, values: Array, unit: str, i: int = i) -> None:
+        of_what = tuple(_QUANTITIES.get(int(one.get(f"{k}_spec_data_type") or 0), "") for k in ("ordinate", "orddenom"))
+
+        def put(name: str, values: Array, unit: str, i: int = i, what: tuple[str, ...] = of_what) -> None:
             name = name if name not in columns else f"{i}.{name}"
             columns[name] = values
             units.update({name: unit} if unit else {})
+            quantities[name] = (what[0], what[1])
 
         base, unit = _abscissa(one)
         if not any(k.split(".")[-1] == base and np.array_equal(v, x) for k, v in columns.items()):
@@ -65,7 +71,7 @@ def read(path: Path) -> Table:
         else:
             kind = _OTHERS.get(int(one["func_type"]))
             put(kind or _text(one, "ordinate_axis_lab") or "value", data.real.astype(float), unit)
-    return Table(columns, units=units)
+    return Table(columns, units=units, quantities=quantities)
 
 
 def write(path: Path, columns: Mapping[str, Array]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import formats
 from ..errors import DataError
-from ..frf import FRF, INPUTS, response_unit
+from ..frf import FRF, INPUTS, drive_unit, response_unit
 from ..logs import columns
 from ..logs.columns import number, subtable
 from ..logs.measured_axis import Axis
@@ -46,8 +46,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
             if axis.torque_constant is None:
                 raise DataError("the input is current, not torque: axis.torque_constant [N m/A] is needed")
             constant = axis.torque_constant
-        drive = INPUTS.get(source, "")
-        amplitude = number(entry, "amplitude", "", drive if axis.joint.kind == "hinge" else drive.replace("N m", "N"))
+        amplitude = number(entry, "amplitude", "", drive_unit(source, axis.joint.kind) if source in INPUTS else "")
         scale = number(entry, "scale", "", "SI per raw number")
         if not os.path.isfile(folder / name):
             raise DataError(f"no such file: {name}; {formats.beside(folder / name)}")
@@ -56,16 +55,20 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
             raise DataError(f"amplitude is one, and the file holds {len(parts)} responses; leave it out where the file "
                             "has the excitation, or choose one of them, as in response = 1")
         found = [
-            frf_table.from_table(
+            f
+            for label, table in parts
+            for f in frf_table.levels_from_table(
                 table, Path(name).name + label, source, entry["output"],
                 columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=scale,
                 amplitude=amplitude, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
             )
-            for label, table in parts
         ]  # fmt: skip
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
-    return [_from_torque(f, constant, axis.joint.kind) for f in found] if source == "current" else found
+    if source != "current":
+        return found
+    way_out = "scale = -1" if axis.in_amperes else "axis.torque_constant the other sign"
+    return [frf_table.doubted(_from_torque(f, constant, axis.joint.kind), f"or {way_out}") for f in found]
 
 
 def _from_torque(frf: FRF, constant: float, kind: str) -> FRF:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, listing
 from ..formats import Table
-from ..frf import FRF, INPUTS, OUTPUTS, Complex, response_unit
+from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, response_unit
 from . import frf_units
+from .repeats import average_repeats, levels
 
 Array = NDArray[np.float64]
 
@@ -33,13 +34,22 @@ _NAMES = {
     "sigma": r"sigma|std|standard deviation",
 }
 RESPONSE, SINE = "response", "sine"  # columns of several responses in one file: its number, and `FRF.sine` as 1 or 0
-_DRIVES = ("torque", "load", "current")
 _LEADS = 0.3  # sine of a phase, more than a measured one errs
+_SCATTERS = 0.3  # of the response: more than repeats differ
+_OURS = re.compile(rf"# (\d+): .*?: ({'|'.join(OUTPUTS)}) over (\w+) \[(.*?)\](?:;.*)?$")  # a comment of `to_csv`
 _FEW = 6  # quantities at most in a file that has a line for each
 _LARGEST = 1e30
 
 
-def from_table(
+def from_table(table: Table, name: str, input: str, output: str, **more: Any) -> FRF:
+    """The frequency response in a table, see `levels_from_table`; raises DataError where it has several levels."""
+    found = levels_from_table(table, name, input, output, **more)
+    if len(found) > 1:
+        raise DataError(f"the table has {len(found)} levels of excitation; levels_from_table reads them all")
+    return found[0]
+
+
+def levels_from_table(
     table: Table,
     name: str,
     input: str,
@@ -52,10 +62,10 @@ def from_table(
     kind: str = "hinge",
     count: float | None = None,
     use: str = "fit",
-) -> FRF:
-    """A frequency response from the raw columns of a file.
+) -> list[FRF]:
+    """The frequency response in the raw columns of a file, or one for each level of excitation, from small to large.
 
-    Points at the same frequency are repeats: their mean is robust against outliers (`robust_mean`).
+    Points at the same frequency and excitation are repeats: their mean is robust against outliers (`robust_mean`).
 
     Args:
         table: of one row per frequency; a file without names and with few long lines has a line per quantity.
@@ -96,6 +106,8 @@ def from_table(
     if frequency.min() < 0:
         raise DataError(f"frequency is {frequency.min():g} Hz; expected positive numbers")
     sides = _Sides(input, output, kind, count)
+    if scale is None and "output" not in declared:
+        _expect_quantities(table, raw, input, output, response_unit(input, output, kind))
     factor, stated = _factor(raw, table.units, declared, sides, scale)
     response = factor * _response(raw, found)
     extra = _beside(raw, table.units, declared, sides, found, np.abs(response), abs(factor))
@@ -104,27 +116,72 @@ def from_table(
         raise DataError(f"the response is 0 at {frequency[zero[0]]:g} Hz; no measurement gives that")
     if found.get("phase") == "deg" and np.abs(raw["phase"][0]).max() <= math.pi and np.ptp(raw["phase"][0]) > 1:
         notes.append(f"the phase stays within {np.abs(raw['phase'][0]).max():.2f} deg; is it rad?")
-    if input in _DRIVES and _gives_energy(frequency, response, output):
-        notes.append("the motion leads the torque where it counts, as that of no passive axis does: a response for "
-                     "exp(-i w t) needs another sign of its phase, a torque of the other sign scale = -1")
-    where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
-    values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
-    if "sigma" in values:  # what repeats show comes first
-        own_sigma = values.pop("sigma")
-        sigma = own_sigma if sigma is None else sigma
-    if amplitude is not None:
-        values["excitation"] = np.full(len(where), abs(amplitude))
+    if amplitude is not None and "excitation" in raw:
+        raise DataError("amplitude is given, and the file has the excitation in column "
+                        f"{raw['excitation'][1]!r}; leave one of them out")
     read = [f"{k} [{found[k]}]" for k in ("frequency", "magnitude", "phase") if k in found]
     how = ", ".join(read) + (" and real and imaginary part" if "real" in raw else "")
     if stated and factor != 1:
         how += f", stated in {stated}"
-    what = f"{output} over {input} [{response_unit(input, output, kind)}] from {how}"
+    unit_ = response_unit(input, output, kind)
+    what = f"{output} over {input} [{unit_}] from {how}"
+    masks = levels(frequency, extra["excitation"]) if "excitation" in extra else [np.ones(len(frequency), bool)]
+    out = []
+    for here in masks:
+        where, mean, said, values = _averaged(frequency[here], response[here], {k: v[here] for k, v in extra.items()})
+        if amplitude is not None:
+            values["excitation"] = np.full(len(where), abs(amplitude))
+        label, told = "", notes
+        if len(masks) > 1:
+            label = f" at {np.median(values['excitation']):.3g} {drive_unit(input, kind)}"
+            told = [*notes, f"one of {len(masks)} levels of excitation in the file"]
+        single = None if sine is None else bool(sine[here].all() if len(sine) == len(here) else sine.all())
+        f = FRF(name + label, where, mean, input, output, unit_, use=use, sine=single, notes=(what, said, *told),
+                **values)
+        out.append(doubted(f) if input in ("torque", "load") else f)
+    return out
+
+
+def _averaged(
+    frequency: Array, response: Complex, extra: Mapping[str, Array]
+) -> tuple[Array, Complex, str, dict[str, Any]]:
+    """Frequencies, robust means of the repeats at each, a sentence, and what else is known of them."""
+    where, mean, sigma, repeats, rejected = average_repeats(frequency, response)
+    values: dict[str, Any] = {k: _medians(frequency, v, where) for k, v in extra.items()}
+    if sigma is not None or "sigma" not in values:  # what repeats show comes first
+        values["sigma"] = sigma
     said = f"{len(where)} frequencies, {where[0]:.4g} to {where[-1]:.4g} Hz"
     if repeats.max() > 1:
         few, many = int(repeats.min()), int(repeats.max())
         said += f", mean of {few if few == many else f'{few} to {many}'} repeats ({rejected} outliers without weight)"
-    return FRF(name, where, mean, input, output, response_unit(input, output, kind), sigma=sigma, use=use,
-               sine=None if sine is None else bool(sine.all()), notes=(what, said, *notes), **values)
+        share = float(np.median(np.asarray(sigma * np.sqrt(repeats) / np.abs(mean))[repeats > 1]))
+        if share > _SCATTERS:
+            said += (f"; they differ by {100 * share:.0f} %: are they levels of excitation? Name its column: columns = "
+                     "{ excitation = ... }")
+    return where, mean, said, values
+
+
+def doubted(frf: FRF, way_out: str = "a torque of the other sign scale = -1") -> FRF:
+    """The response from torque, with a note where no passive axis answers like that."""
+    if not _gives_energy(frf.frequency, frf.response, frf.output):
+        return frf
+    said = ("the motion leads the torque where it counts, as that of no passive axis does: a response for "
+            f"exp(-i w t) needs another sign of its phase, {way_out}")
+    return replace(frf, notes=(*frf.notes, said))
+
+
+def _expect_quantities(table: Table, raw: frf_units.Raw, input: str, output: str, unit: str) -> None:
+    """Raises DataError where the file says that it holds the response of something else."""
+    over, under = table.quantities.get(raw["real" if "real" in raw else "magnitude"][1], ("", ""))
+    if over not in ("", output) or (under in OUTPUTS and input != "reference"):
+        is_ = f"{over or 'something'} over {under or 'something'}"
+        raise DataError(f"the file says that it is {is_}; {output} over {input} was asked for: say what it is in input "
+                        "and output, or the unit of a response whose file is wrong, as in units = { output = ... }")
+    ours = [m for line in table.remarks if (m := _OURS.match(line))]
+    for m in ours if RESPONSE in table.columns else []:
+        if float(m[1]) in table.columns[RESPONSE] and (m[2], m[3], m[4]) != (output, input, unit):
+            raise DataError(f"the file says that response {m[1]} is {m[2]} over {m[3]} [{m[4]}]; {output} over {input} "
+                            f"[{unit}] was asked for: input, output or axis.kind are others")
 
 
 def _gives_energy(frequency: Array, response: Complex, output: str) -> bool:
@@ -205,62 +262,6 @@ def from_control(
         raise DataError(f"{title}: {error}") from None
 
 
-def average_repeats(frequency: Array, response: Complex) -> tuple[Array, Complex, Array | None, Array, int]:
-    """Points of equal frequency as one each.
-
-    Args:
-        frequency: (n,) [Hz], in any order; equal within 1e-6 of themselves is equal.
-        response: (n,).
-
-    Returns:
-        (m,) frequency [Hz], (m,) robust mean, (m,) its standard deviation or None where nothing is repeated, (m,)
-        number of repeats, and how many points were left without weight.
-    """
-    order = np.argsort(frequency, kind="stable")
-    f, g = frequency[order], response[order]
-    cut = np.flatnonzero(np.diff(f) > 1e-6 * f[:-1]) + 1
-    groups = np.split(g, cut)
-    where = np.array([x.mean() for x in np.split(f, cut)])
-    means = [robust_mean(x) for x in groups]
-    value = np.array([m[0] for m in means])
-    repeats = np.array([len(x) for x in groups])
-    several = repeats > 1
-    if not several.any():
-        return where, value, None, repeats, 0
-    spread = np.array([m[1] for m in means])  # of one point
-    # Two or three repeats tell little of their own scatter: it is at least the usual one.
-    usual = float(np.median(spread[several] / np.abs(value[several])))
-    weak = usual * np.abs(value)
-    spread = np.where(repeats > 3, np.maximum(spread, 0.3 * weak), np.maximum(spread, weak))
-    left = np.array([m[2] for m in means])
-    return where, value, spread / np.sqrt(left), repeats, int(repeats.sum() - left.sum())
-
-
-def robust_mean(x: Complex) -> tuple[complex, float, int]:
-    """Mean of repeats (n,) with Tukey's biweight from their median; outliers have no weight.
-
-    Returns:
-        The mean, the standard deviation of one point about it, and the number of points with weight.
-    """
-    x = np.asarray(x, complex)
-    if len(x) < 3:
-        mean = complex(x.mean())
-        return mean, float(np.sqrt(np.sum(np.abs(x - mean) ** 2) / max(len(x) - 1, 1))), len(x)
-    mean = complex(np.median(x.real), np.median(x.imag))
-    weight = np.ones(len(x))
-    for _ in range(20):
-        gap = np.abs(x - mean)
-        scale = float(np.median(gap)) / 0.8326  # of a circular normal distribution
-        if scale == 0:
-            weight = (gap == 0).astype(float)
-            break
-        weight = np.clip(1 - (gap / (4 * scale)) ** 2, 0, None) ** 2
-        mean = complex((weight @ x) / weight.sum())
-    inside = weight > 0
-    n = int(inside.sum())
-    return mean, float(np.sqrt(np.sum(np.abs(x[inside] - mean) ** 2) / max(n - 1, 1))), n
-
-
 def _has_a_line_per_quantity(table: Table) -> bool:
     sizes = {len(v) for v in table.columns.values()}
     return not table.named and len(sizes) == 1 and 2 <= min(sizes) <= _FEW < len(table.columns)
@@ -295,6 +296,8 @@ def _raw(table: Table, chosen: Mapping[str, Any], per_line: bool) -> dict[str, t
             raise DataError(f"column {at!r}: {table.unusable[at]}")
         if at not in table.columns:
             raise DataError(f"columns.{key}: no column {at!r}; the file has {listing(names)}")
+        if twice := [k for k, (_, there) in out.items() if there == at]:
+            raise DataError(f"columns.{twice[0]} and columns.{key} are both {what} {at!r}; each has one of its own")
         out[key] = (table.columns[at], at)
     other = out["real"][1].removesuffix("real") + "imag" if "real" in out and "imag" not in out else ""
     if other.endswith(".imag") and other in table.columns:  # of one complex column

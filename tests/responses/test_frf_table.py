@@ -1,6 +1,7 @@
 """Frequency responses from files, in the shapes that laboratories write, and what is ambiguous is refused."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from gms_mujoco import formats
 from gms_mujoco.dataset import Dataset, load
 from gms_mujoco.errors import DataError
 from gms_mujoco.frf import FRF, to_csv
-from gms_mujoco.responses.frf_table import average_repeats, from_control, from_table, robust_mean
+from gms_mujoco.responses.frf_table import from_control, from_table
 from gms_mujoco.responses.resonance import antiresonances
 
 F = np.geomspace(1, 300, 40)
@@ -153,6 +154,62 @@ def test_a_response_that_would_give_energy_is_doubted(tmp_path: Path) -> None:
             assert ("passive" in " ".join(load(tmp_path).frfs[0].notes)) is doubted
 
 
+def test_the_sign_of_a_torque_constant_is_part_of_the_response(tmp_path: Path) -> None:
+    entry = ENTRY.replace("torque", "current").format("level.csv")
+    for constant, sign, doubted in ((-0.2, -1, False), (0.2, 1, False), (0.2, -1, True), (-0.2, 1, True)):
+        (tmp_path / "level.csv").write_text(rows("f [Hz],real,imag", F, 0.2 * sign * G.real, 0.2 * sign * G.imag))
+        (tmp_path / "dataset.toml").write_text(f"[axis]\ntorque_constant = {constant}\n{entry}")
+        (frf,) = load(tmp_path).frfs
+        assert close(frf, -G if doubted else G)
+        assert ("or axis.torque_constant the other sign" in frf.notes[-1]) is doubted
+
+
+def test_a_file_that_says_what_it_is_is_taken_for_nothing_else(tmp_path: Path) -> None:
+    """What `to_csv` wrote: of a velocity, of a slide joint, one of several; a unit that the user says counts more."""
+    speed = FRF("v: [x]", F, G * 2j * np.pi * F, output="velocity", notes=("a", "b"))
+    entry = '[[frf]]\nfile = "all.csv"\ninput = "torque"\noutput = "{}"\n'
+    slide = FRF("s", F, G, unit="m/(N)")
+    for given_, output, axis, words in (
+        ([speed], "position", "", r"response 1 is velocity over torque \[rad/s/\(N m\)\]; position over torque"),
+        ([speed], "velocity", "", ""),
+        ([FRF("a", F, G), speed], "position", "", "response 2 is velocity over torque"),
+        ([slide], "position", "", r"response 1 is position over torque \[m/\(N\)\]; .*axis.kind"),
+        ([slide], "position", '[axis]\nkind = "slide"\n', ""),
+        ([speed], "acceleration", "", "response 1 is velocity"),
+    ):
+        (tmp_path / "all.csv").write_text(to_csv(given_))
+        (tmp_path / "dataset.toml").write_text(axis + entry.format(output))
+        if words:
+            with pytest.raises(DataError, match=words):
+                load(tmp_path)
+            (tmp_path / "dataset.toml").write_text(axis + entry.format(output) + "scale = 1.0\n")
+        assert len(load(tmp_path).frfs) == len(given_)
+
+
+@needs_uff
+def test_a_universal_file_says_what_it_holds(tmp_path: Path) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    one = {
+        "type": 58, "binary": 0, "func_type": 4, "rsp_node": 1, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "data": G,
+        "x": F, "abscissa_spacing": 0, "id1": "a", "abscissa_spec_data_type": 18, "abscissa_axis_units_lab": "Hz",
+    }  # fmt: skip
+    for over, under, output, words in (
+        (12, 13, "position", "it is acceleration over torque; position over torque was asked for"),
+        (12, 13, "acceleration", ""), (8, 13, "position", ""), (11, 13, "velocity", ""), (0, 0, "position", ""),
+        (8, 12, "position", "position over acceleration"), (13, 8, "position", "torque over position"),
+    ):  # fmt: skip
+        (tmp_path / "a.uff").unlink(missing_ok=True)
+        pyuff.UFF(str(tmp_path / "a.uff")).write_sets(
+            {**one, "ordinate_spec_data_type": over, "orddenom_spec_data_type": under}, "add")
+        entry = ENTRY.format("a.uff").replace("position", output)
+        (tmp_path / "dataset.toml").write_text(entry)
+        if words:
+            with pytest.raises(DataError, match=words):
+                load(tmp_path)
+            (tmp_path / "dataset.toml").write_text(entry + 'units = { output = "rad" }\n')
+        assert close(load(tmp_path).frfs[0])
+
+
 def test_what_stands_at_0_hz_is_left_out(tmp_path: Path) -> None:
     for first in ("0,-inf,0", "0,nan,nan", "0,0,0"):
         text = rows("f [Hz],magnitude [dB],phase [deg]", F, 20 * np.log10(MAG), np.degrees(ARG))
@@ -186,24 +243,36 @@ def test_several_responses_in_one_matrix_are_not_guessed(tmp_path: Path) -> None
     assert close(load(tmp_path).frfs[0], 2 * G)
 
 
-# Repeats.
+# Levels.
 
 
-def test_outliers_among_repeats_have_no_weight() -> None:
-    rng = np.random.default_rng(0)
-    repeats = G[:, None] * (1 + 0.01 * (rng.standard_normal((40, 12)) + 1j * rng.standard_normal((40, 12))))
-    repeats[:, 3] *= 40
-    repeats[::2, 8] *= -1
-    where, mean, sigma, count, _ = average_repeats(np.repeat(F, 12), repeats.ravel())
-    assert np.allclose(where, F) and (count == 12).all() and sigma is not None
-    z = np.abs(mean - G) / sigma
-    assert np.abs(mean / G - 1).max() < 0.02 and np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=0.35)
-
-
-def test_mean_of_few_repeats() -> None:
-    assert robust_mean(np.array([1 + 1j])) == (1 + 1j, 0.0, 1)
-    assert robust_mean(np.array([1.0, 3.0]))[0] == 2
-    assert robust_mean(np.array([1.0, 1.0, 50.0]))[::2] == (1, 2)
+def test_levels_of_excitation_in_one_file_are_responses_of_their_own(tmp_path: Path) -> None:
+    """Only by the column of the excitation are they told from repeats."""
+    size = np.repeat([3e-3, 3e-4, 1e-3], len(F)) * np.random.default_rng(0).uniform(0.99, 1.01, 3 * len(F))
+    h = np.concatenate([3 * G, G, 2 * G])
+    header = "f [Hz],real,imag,excitation [mNm]"
+    text = rows(header, np.tile(F, 3), h.real, h.imag, 1e3 * size)
+    entry = ENTRY.replace("amplitude = 1e-3\n", "").format("level.csv")
+    (tmp_path / "dataset.toml").write_text(entry)
+    (tmp_path / "level.csv").write_text(text)
+    found = load(tmp_path).frfs
+    assert all(re.fullmatch(r"level.csv at [.\d]+ N m", f.name) for f in found) and len({f.name for f in found}) == 3
+    for f, times, u in zip(found, (1, 2, 3), (3e-4, 1e-3, 3e-3), strict=True):
+        assert close(f, times * G) and np.allclose(f.excitation, u, rtol=0.011)
+        assert "one of 3 levels" in f.notes[-1]
+    assert [f.use for f in found] == ["fit", "validate", "fit"]
+    with pytest.raises(DataError, match="3 levels of excitation; levels_from_table"):
+        from_table(formats.read(tmp_path / "level.csv"), "a", "torque", "position")
+    # held at amplitudes of the motion, which nothing says
+    (tmp_path / "level.csv").write_text(rows(header, np.tile(F, 3), h.real, h.imag, size / np.tile(MAG, 3)))
+    with pytest.raises(DataError, match="number the responses from 1 in a column 'response'"):
+        load(tmp_path)
+    (tmp_path / "level.csv").write_text(rows("f [Hz],real,imag", np.tile(F, 3), h.real, h.imag))
+    (tmp_path / "dataset.toml").write_text(entry + "amplitude = 1e-3\n")
+    assert "are they levels of excitation? Name its column" in load(tmp_path).frfs[0].notes[1]
+    (tmp_path / "level.csv").write_text(rows(header, F, G.real, G.imag, 1 + 0 * F))
+    with pytest.raises(DataError, match=r"amplitude is given, and the file has the excitation in column 'excitation"):
+        load(tmp_path)
 
 
 # Any shape that a laboratory may choose, at random.
@@ -306,6 +375,8 @@ def test_an_frd_of_python_control_is_a_response() -> None:
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'columns = { gain = "a" }\n', ["columns.gain"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'columns = { phase = "p" }\n', ["no column 'p'"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), "columns = { phase = 7 }\n", ["no column 7"]),
+        (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), "columns = { magnitude = 1, phase = 1 }\n",
+         ["columns.magnitude and columns.phase are both column 'magnitude [abs]'"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'units = { input = "deg" }\n', ["units.input"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG), 'use = "test"\n', ["use must be"]),
         ("f [Hz],magnitude [abs],phase [rad]\n1,x,2\n", "", ["'x' is not a number"]),
