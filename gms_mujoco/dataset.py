@@ -16,7 +16,7 @@ from . import files, formats, servo_run
 from .errors import DataError, listing
 from .frf import FRF
 from .logs import plausible, record_files
-from .logs.columns import expect_known, subtable
+from .logs.columns import ASKED_FOR, expect_known, subtable
 from .logs.measured_axis import ENCODER, Axis, encoder_count, joint_names
 from .logs.robot import Robot, Setup
 from .record import USES, Record, told_uses
@@ -156,8 +156,14 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             return _servo_set(table, file.parent, joint)
         axis = Axis(subtable(table, "axis"), file.parent, joint)
         entries = [e for i, e in enumerate(tables(table, "record"), 1) if axis.has(e, f"record {i}")]
-        responses = tables(table, "frf")
-        frfs = tuple(f for i, e in enumerate(responses, 1) for f in frf_files.read(f"frf {i}", e, file.parent, axis))
+        numbered = [(f"frf {i}", e) for i, e in enumerate(tables(table, "frf"), 1)]
+        for key, e in numbered:
+            if len(axis.names) > 1 and "joint" not in e:
+                raise DataError(f"{key}: joint must be given, for the set is of several, {listing(axis.names)}, and a "
+                                "response is of one")
+        numbered = [(key, e) for key, e in numbered if axis.has(e, key)]
+        responses = [e for _, e in numbered]
+        frfs = tuple(f for key, e in numbered for f in frf_files.read(key, e, file.parent, axis))
         if not entries and not frfs:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
@@ -260,6 +266,8 @@ def save(
         lines += [f"{key} = {value!r}" for key, value in header.items()]
         if isinstance(r, Record) and r.sensed:
             lines.append("sensed = true")
+        if isinstance(r, Record):
+            lines += [f'columns = {{ {k} = "{k}" }}' for k in ASKED_FOR if k in r.signals]
     files.write_text(folder / FILE, "\n".join(lines) + "\n")
 
 

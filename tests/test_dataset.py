@@ -245,7 +245,7 @@ def test_frequency_responses_come_beside_records_or_alone(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_saved_records_come_back_to_the_last_bit(suffix: str, tmp_path: Path) -> None:
-    signals = {"torque": RUN["torque"], "position": RUN["position"], "load": TIME}
+    signals = {"torque": RUN["torque"], "position": RUN["position"], "load": TIME, "reference": TIME[::-1]}
     records = [Record("slow", TIME, signals, "fit", 1e-3), Record("fast.csv", TIME, signals, "validate", 1e-3)]
     save(tmp_path / "set", records, "slide", 95.0, suffix)
     runs = load(tmp_path / "set")

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = (*UNITS, "current")
 OPTIONAL = tuple(k for k in UNITS if k not in ("time", "torque", "position"))
-_ASKED_FOR = ("reference",)  # a column of that name may be anything
+ASKED_FOR = ("reference",)  # a column of that name may be anything
 _IN_BRACKETS = re.compile(r"\s*/?\s*[\[({]([^\[\](){}]+)[\])}]\s*$")  # "Torque [mNm]", "v / (rad/s)"
 _BEHIND_A_BAR = re.compile(r"(?:_|\s*[/,]\s*)([^\s_,/]+(?:/[a-z]+)?)\s*$")  # "torque_mNm", "M / mNm"
 _PARTS = re.compile(r"(?<=[\W_])[^\W_]{2,}|(?<=[a-z])[A-Z][a-z]+$")  # "q_deg_filtered", "position in deg", "PosDeg"
@@ -111,7 +111,7 @@ def pick(
     for key in (*(["time"] if rate is None else []), "position", drive):
         wanted.setdefault(key, available.get(key, key))
     for key in OPTIONAL:
-        there = available.get(key) in table.columns and key not in chosen and key not in _ASKED_FOR
+        there = available.get(key) in table.columns and key not in chosen and key not in ASKED_FOR
         if there and np.isfinite(table.columns[available[key]]).any():
             wanted[key] = available[key]
     expect_found(table, {key: at for key, at in wanted.items() if key not in chosen})

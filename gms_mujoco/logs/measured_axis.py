@@ -105,7 +105,7 @@ class Axis:
         return encoder_count(given, kind)
 
     def has(self, entry: Mapping[str, Any], key: str) -> bool:
-        """Whether a [[record]] is for this joint."""
+        """Whether a [[record]] or an [[frf]] is for this joint."""
         chosen = entry.get("joint")
         if chosen is None:
             return True

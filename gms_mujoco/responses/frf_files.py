@@ -19,7 +19,7 @@ from ..logs.measured_axis import Axis
 from . import frf_table
 
 _FEWEST_POINTS = 5  # of a response that validates
-_KEYS = ("file", "response", "input", "output", "amplitude", "use", "columns", "units", "scale")
+_KEYS = ("file", "response", "input", "output", "amplitude", "use", "columns", "units", "scale", "joint")
 
 
 def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[FRF]:

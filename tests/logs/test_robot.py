@@ -194,6 +194,24 @@ def test_a_set_of_several_joints_is_read_joint_by_joint(pendulum: Path) -> None:
     assert slide is not None and np.allclose(slide[50:-50], swing[50:-50], atol=2e-2)
 
 
+def test_a_response_is_of_the_joint_that_it_names(pendulum: Path) -> None:
+    folder = pendulum.parent
+    f = np.geomspace(1, 100, 12)
+    formats.write(folder / "r.csv", {"f [Hz]": f, "real": -1 / f**2, "imag": -0.1 / f})
+    entry = '[axis]\nmodel = "pendulum.xml"\njoint = {}\n' + 2 * '[[frf]]\nfile = "r.csv"\ninput = "torque"\n' \
+            'output = "position"\n{}\n'
+    (folder / "dataset.toml").write_text(entry.format('["hip", "slider"]', 'joint = "slider"', 'joint = "hip"'))
+    assert [load(folder, joint=name).frfs[0].unit for name in joints(folder)] == ["rad/(N m)", "m/(N)"]
+    assert all(len(load(folder, joint=name).frfs) == 1 for name in joints(folder))
+    for names, joint, words in (('["hip", "slider"]', "", "frf 2: joint must be given, .* several, hip, slider"),
+                                ('["hip", "slider"]', 'joint = "knee"', "frf 2: joint must be among .*'knee'")):
+        (folder / "dataset.toml").write_text(entry.format(names, 'joint = "hip"', joint))
+        with pytest.raises(DataError, match=words):
+            load(folder, joint="hip")
+    (folder / "dataset.toml").write_text(entry.format('"hip"', "", ""))
+    assert len(load(folder).frfs) == 2
+
+
 @pytest.mark.parametrize("head", ["time,torque,q1 [deg],q2_mm\n", "time,torque,q1,q2\ns,-,deg,mm\n"])
 def test_the_unit_that_a_file_states_for_a_position_counts_for_every_joint(head: str, pendulum: Path) -> None:
     t, q, _, _ = motion()
