@@ -300,7 +300,7 @@ class Plant:
             lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in self.uncertainty.items()]
         if self.covariance:
             lines += ["", "[covariance]  # of logarithms where values are positive, of log-ratios of shares"]
-            lines += [f'"{k}" = [{", ".join(f"{x:.6g}" for x in row)}]' for k, row in self.covariance.items()]
+            lines += [f'"{k}" = [{", ".join(f"{x:.12g}" for x in row)}]' for k, row in self.covariance.items()]
         if self.provenance:
             lines += ["", "[provenance]"]
             lines += [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in self.provenance.items()]

@@ -20,6 +20,7 @@ from ..plant import Plant
 Array = NDArray[np.float64]
 
 _OPEN = np.log(1e3)  # half an interval of a logarithm
+_DIGITS = 1e-13  # of a sum that cancels
 _INERTIA = Parameter("inertia", "kg m^2", lower=0.0, doc="J")
 
 
@@ -204,7 +205,9 @@ class Coordinates:
             value = b.decode(x[here])
             if b.scale == "share":
                 slope = np.diag(value)[:, :-1] - np.outer(value, value[:-1])
-                sigma = np.sqrt(np.maximum(np.diag(slope @ covariance[here, here] @ slope.T), 0))
+                own = covariance[here, here]
+                lost = _DIGITS * np.diag(np.abs(slope) @ np.abs(own) @ np.abs(slope.T))  # to rounding: not known better
+                sigma = np.sqrt(np.maximum(np.diag(slope @ own @ slope.T), lost))
                 known = widths[here][np.isfinite(widths[here])]
                 half = known.max(initial=1.96) * sigma  # the last share has no coordinate of its own
                 lower, upper = np.clip(value - half, 0, 1), np.clip(value + half, 0, 1)

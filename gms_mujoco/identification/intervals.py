@@ -21,7 +21,7 @@ from .frf_observation import Seen
 from .inverse import Observation
 from .misfit import ROUNDING, Misfit
 from .tall import gram, squared, times
-from .whitened import Whitened, root_of_inverse, whitened
+from .whitened import ANYWHERE, Whitened, root_of_inverse, whitened
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,6 @@ _BLOCK = 0.5  # s, the shortest
 _CORRELATED = 40.0  # correlation times of the residual that a block lasts at least
 _LAGS = 8  # a part of the record, over which a correlation is looked at: further it is noise
 _FEWEST_BLOCKS = 6  # of all records together, if they are long enough
-_ANYWHERE = 1e3  # times its reach: the deviation of what the data do not see
 _LEVERAGE = 0.95  # that a block has at most: one that alone decides leaves no residual to judge it by
 
 
@@ -56,13 +55,15 @@ def covariance(misfit: Misfit, x: Array, around: Whitened | None = None) -> tupl
         kept.append((axes * (leverage * more)) @ axes.T)
         kept_twice.append((axes * (leverage * more**2)) @ axes.T)
     freedom = _freedom(root, np.array(kept), np.array(kept_twice))
-    spread = root @ np.array(scores).T
+    little = np.where(misfit.prior == 0, around.prior, 0.0)  # what is known without the data is as uncertain as it says
+    before = root.T * np.sqrt(little * squared(residual) / len(residual))
+    spread = root @ np.hstack([np.array(scores).T, before])
     scatter = np.asarray(spread @ spread.T)
     deviations = np.asarray(scipy.stats.t.ppf(0.975, np.maximum(freedom, 1.0)))
     reach, seen = misfit.reach(x), np.sum(around.jacobian**2, 0)
     unseen = (misfit.prior == 0) & (seen * reach**2 <= ROUNDING**2 * squared(residual))
     scatter[unseen] = scatter[:, unseen] = 0.0
-    scatter[unseen, unseen] = (_ANYWHERE * reach[unseen]) ** 2
+    scatter[unseen, unseen] = (ANYWHERE * reach[unseen]) ** 2
     return scatter, np.where(unseen, np.inf, deviations)
 
 

@@ -19,6 +19,7 @@ from .tall import gram, squared, times
 
 Array = NDArray[np.float64]
 
+ANYWHERE = 1e3  # times its reach: the deviation of an unknown that the data do not see, and the most of any
 _LEAST = 0.1  # of a deviation: where bounds leave less to look at, the derivative at the point counts
 
 
@@ -55,7 +56,9 @@ def whitened(misfit: Misfit, x: Array) -> Whitened:
     jumps = any(o.jumps for o in misfit.observations)
     residual, jacobian = misfit.residual(x), misfit.jacobian(x)
     variance = squared(residual) / len(residual)
-    prior = misfit.prior * variance
+    # Without the little that is known of every unknown, those that the data hardly see would be known to no digit, and
+    # what they are weighed against with them.
+    prior = np.where(misfit.prior == 0, (ANYWHERE * misfit.reach(x)) ** -2, misfit.prior) * variance
     root = root_of_inverse(gram(jacobian, jacobian) + np.diag(prior))
     if not jumps:
         deviation = np.sqrt(np.sum(root**2, 1) * variance)

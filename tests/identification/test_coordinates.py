@@ -180,3 +180,18 @@ def test_a_fit_moves_how_often_a_wave_comes_back_on_a_slide_joint_only() -> None
     assert [k for k in on_slide.labels if k not in on_hinge.labels] == ["cogging.harmonics[0]", "cogging.harmonics[1]"]
     assert not on_hinge.is_wave_number.any() and on_slide.is_wave_number.sum() == 2
     assert on_slide.is_linear[on_slide.is_wave_number].all()
+
+
+def test_a_share_is_not_known_better_than_the_log_ratios_that_move_it() -> None:
+    rest = {"coulomb": 1, "static": 1.1, "stribeck_velocity": 1, "attraction": 1}
+    coordinates = Coordinates(Plant.axis(1.0) + effects.GMS(stiffness=[1, 1, 1], fraction=[0.2, 0.3, 0.5], **rest))
+    x = coordinates.encode(coordinates.template)
+    at = [i for i, label in enumerate(coordinates.labels) if "fraction" in label]
+    covariance = 1e-4 * np.eye(len(x))
+    covariance[at[0], at[0]] = 500.0**2  # not seen
+    open_ = coordinates.intervals(x, covariance)
+    assert all(open_[f"gms.fraction[{i}]"] == (0, 1) for i in range(3))
+    lost = 1e40 * np.ones((2, 2))  # of which nothing is left but rounding
+    lost[1, 1] *= 1 - 1e-12
+    covariance[np.ix_(at, at)] = lost - np.outer([1, -1], [1, -1]) * 1e27
+    assert all(low < high for label, (low, high) in coordinates.intervals(x, covariance).items() if "fraction" in label)

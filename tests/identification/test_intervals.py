@@ -34,7 +34,7 @@ def test_the_interval_of_a_mean_is_that_of_student() -> None:
     y = np.random.default_rng(0).standard_normal(12)
     problem, x = linear(np.ones((12, 1)), y, 1)
     half = half_widths(problem, x)[0]
-    assert half == pytest.approx(stats.t.ppf(0.975, 11) * y.std(ddof=1) / np.sqrt(12), rel=1e-9)
+    assert half == pytest.approx(stats.t.ppf(0.975, 11) * y.std(ddof=1) / np.sqrt(12), rel=1e-6)
 
 
 def test_intervals_hold_the_truth_from_few_blocks() -> None:
@@ -45,6 +45,19 @@ def test_intervals_hold_the_truth_from_few_blocks() -> None:
         problem, x = linear(matrix, rng.standard_normal(40), 5)
         held.append(np.abs(x) < half_widths(problem, x))
     assert np.all(np.abs(np.mean(held, 0) - 0.95) < 0.025)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-12, 1e-17])
+def test_what_is_hardly_seen_leaves_the_rest_as_sure_as_it_is(size: float) -> None:
+    """Alone, or as a part of what another does; the covariance has no direction of a negative variance."""
+    rng = np.random.default_rng(2)
+    matrix, target = rng.uniform(0.2, 2.0, (60, 2)), rng.standard_normal(60)
+    for beside in (size * rng.standard_normal(60), matrix[:, 0] + size * rng.standard_normal(60)):
+        problem, x = linear(np.column_stack([matrix, beside]), target, 1)
+        whole, _ = covariance(problem, x)
+        assert np.linalg.eigvalsh(whole).min() > -1e-9 and 0 < np.diag(whole).max() < 1.1e6
+        alone, _ = covariance(*linear(matrix, target, 1))
+        assert whole[1, 1] == pytest.approx(alone[1, 1], rel=0.1)
 
 
 def test_blocks_that_weigh_the_same_leave_one_degree_of_freedom_less_than_they_are() -> None:
