@@ -58,7 +58,9 @@ def whitened(misfit: Misfit, x: Array) -> Whitened:
     variance = squared(residual) / len(residual)
     # Without the little that is known of every unknown, those that the data hardly see would be known to no digit, and
     # what they are weighed against with them.
-    prior = np.where(misfit.prior == 0, (ANYWHERE * misfit.reach(x)) ** -2, misfit.prior) * variance
+    reach = misfit.reach(x)
+    little = np.where(reach > 0, (ANYWHERE * np.where(reach > 0, reach, 1.0)) ** -2, 0.0)
+    prior = np.where(misfit.prior == 0, little, misfit.prior) * variance
     root = root_of_inverse(gram(jacobian, jacobian) + np.diag(prior))
     if not jumps:
         deviation = np.sqrt(np.sum(root**2, 1) * variance)
