@@ -46,6 +46,8 @@ _FINEST = 0.3  # of the smallest amplitude: the smallest break-away distance tri
 _MODEL_ERROR = 0.002  # of a describing function, beside that of its correction for harmonics
 _CORRECTION_ERROR = 0.1  # of that correction
 _ROUNDS = 4  # of reweighting
+_NO_FRICTION = ("no friction is seen: nothing stiff below a mass line; are units (dB or abs, deg or rad), amplitude, "
+                "input and output right, and do points stand close together from below the resonance to beyond it?")
 _CORRECTIONS = 8  # times that the harmonics are computed anew
 
 
@@ -153,7 +155,7 @@ def read_resonances(
 
 
 def identify_dahl(
-    frfs: Sequence[FRF], inertia: float | None = None, *, kind: str = "hinge", viscous: bool = True
+    frfs: Sequence[FRF], inertia: float | None = None, *, kind: str | None = None, viscous: bool = True
 ) -> DahlReading:
     """Friction, and where it is not given the inertia, from every point of frequency responses at several amplitudes.
 
@@ -161,16 +163,25 @@ def identify_dahl(
         frfs: from torque, with their amplitude known, measured one sine at a time (taken for granted where `sine` of a
             response is None).
         inertia: [kg m^2]; None: from the same fit, which the points above the resonance decide.
-        kind: of the joint.
+        kind: of the joint; None: that of the responses.
         viscous: whether viscous drag may take part of the damping.
 
     Raises:
         DataError: responses that are not from torque, lack their amplitude, were measured with many frequencies at
             once, or have all the same amplitude.
     """
+    if isinstance(frfs, FRF):
+        frfs = [frfs]
+    for f in frfs:
+        if not isinstance(f, FRF):
+            raise DataError("frequency responses are expected, as those of gms.load(...).frfs; "
+                            f"{type(f).__name__} given")
     if not frfs:
         raise DataError("no frequency responses; at least two amplitudes are needed")
-    all_ = [usable(f) for f in frfs]
+    if inertia is not None and not 0 < inertia < math.inf:
+        raise DataError(f"the inertia must be a positive number; {inertia!r} given")
+    kind = kind or frfs[0].kind
+    all_ = [usable(f).of_kind(kind) for f in frfs]
     size = np.concatenate([f.amplitude for f in all_])
     if size.max() < 1.2 * size.min():
         raise DataError("all points have the same amplitude; measure at several, best a decade or more apart")
@@ -203,6 +214,8 @@ def identify_dahl(
         fitted = friction + 1j * solution[-2] * drag - total * mass + harmonic
         if i >= _ROUNDS - 1 and total > 0:
             breakaway, stiffness = _with_stuck(grid, solution[:-2], size.max())
+            if not stiffness @ breakaway > 0:
+                raise DataError(f"{_named(all_)}: {_NO_FRICTION}")
             new, found = harmonic_part(
                 stiffness, breakaway, total, float(solution[-2]), size, omega, found.extra if found else None
             )
@@ -230,6 +243,10 @@ def identify_dahl(
     return _reading(
         grid, solution[:-2], float(solution[-2]), total, inertia is not None, size, error, tuple(resonances), kind
     )
+
+
+def _named(frfs: Sequence[FRF]) -> str:
+    return frfs[0].name + (f" and {len(frfs) - 1} more" if len(frfs) > 1 else "")
 
 
 def harmonic_part(
@@ -299,7 +316,7 @@ def _reading(
     low, high = float(size.min()), float(size.max())
     x, k = _with_stuck(grid, weight, high)
     if not len(k) or not float(k @ x) > 0:
-        raise DataError("the responses show no friction; is the amplitude right?")
+        raise DataError(_NO_FRICTION)
     plant = Plant(inertia, (_maxwell_slip(k, x),), kind, known)
     if viscous > 0:
         plant += effects.find("viscous")(coefficient=viscous)

@@ -197,6 +197,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         records, split = _split(records, uses) if records else ([], "")
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
+        notes += plausible.doubts_of_responses(frfs, axis.inertia, axis.joint.kind)
         if frfs:
             frfs, said = (frfs, "as given") if any(e.get("use") for e in responses) else frf_files.split(frfs)
             counts = ", ".join(f"{n} to {use}" for use in USES if (n := sum(f.use == use for f in frfs)))

@@ -33,7 +33,7 @@ from .fit_result import FitResult, with_covariance
 from .identification.frf_observation import Seen, tells_another_noise
 from .identification.held_out import p_value
 from .identification.inverse import Observation
-from .identification.observe import driven, loaded, observe
+from .identification.observe import driven, expect_enough, loaded, observe
 from .identification.refine import finished, gone_on
 from .identification.screen import Screen
 from .identification.time_steps import as_fitted
@@ -118,6 +118,7 @@ def diagnose(
     for turn in range(_TURNS):
         runs, setup_said = (corrected_setup if as_given.robot else corrected_load)(as_given, start)
         seen = observe(loaded(runs.fit, start), start.inertia, plant=near)
+        expect_enough(seen, start)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
         select = observe(loaded(runs.select, start), start.inertia, bandwidth, near) if runs.select else []
         ended = _searched(seen, select, start, plant is None, without, report)

@@ -12,7 +12,7 @@ from .errors import ModelError
 from .fit import fit_observations
 from .fit_result import FitResult
 from .identification.linear_model import cross_validated
-from .identification.observe import Data, driven, observe
+from .identification.observe import Data, driven, expect_enough, is_enough, observe
 from .identification.refine import finished
 from .plant import Plant
 from .progress import Progress, silent
@@ -45,13 +45,19 @@ def choose_elements(
     """
     if "gms" not in plant or "stiffness" not in plant["gms"].unset:
         raise ModelError("the number of elements is chosen for gms friction whose stiffness has no value yet")
+    if not len(counts):
+        raise ModelError("no number of elements to choose from; counts = (4, 6, 8), say")
     report = progress or silent
     driven(plant, data).expect_names(fixed)
     observations = observe(data, plant.inertia)
+    expect_enough(observations, plant.replace(_with(plant["gms"], min(counts))), fixed)
     found: list[tuple[FitResult, float, float]] = []
     for i, n in enumerate(counts):
         report(i / len(counts), f"{n} element{'s' if n > 1 else ''}")
-        result = fit_observations(plant.replace(_with(plant["gms"], n)), observations, fixed)
+        tried = plant.replace(_with(plant["gms"], n))
+        if n > min(counts) and not is_enough(observations, tried, fixed):
+            break
+        result = fit_observations(tried, observations, fixed)
         blocks = cross_validated(result.misfit, result.vector).squares
         found.append((result, float(blocks.mean()), float(blocks.std() / np.sqrt(len(blocks)))))
         if i > 1 and found[-1][1] > found[-2][1] > found[-3][1]:

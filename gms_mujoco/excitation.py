@@ -123,6 +123,10 @@ class Excitation:
             raise DataError(f"kind of a multisine must be one of {listing(KINDS)}; {kind!r} given")
         n = _samples(sample_time, period)
         _in_band(sample_time, low, high)
+        if not 0 < rms < math.inf:
+            raise DataError(f"rms must be positive; {rms:g} given")
+        if lines is not None and lines < 1:
+            raise DataError(f"lines must be 1 or more; {lines!r} given")
         rng = np.random.default_rng(seed)
         first, last = math.ceil(low * period - 1e-9), math.floor(high * period + 1e-9)
         every = np.arange(max(first, 1), min(last, (n - 1) // 2) + 1)
@@ -201,13 +205,20 @@ def _random_phase(n: int, lines: Lines, rms: float, rng: np.random.Generator) ->
 
 
 def _samples(sample_time: float, period: float) -> int:
+    _expect_rate(sample_time)
     n = round(period / sample_time)
     if n < 4 or abs(n - period / sample_time) > 1e-6 * n:
         raise DataError(f"a period must be a whole number of at least 4 samples of {sample_time:g} s; {period:g} given")
     return n
 
 
+def _expect_rate(sample_time: float) -> None:
+    if not 0 < sample_time < math.inf:
+        raise DataError(f"the sample time must be positive [s]; {sample_time:g} given")
+
+
 def _in_band(sample_time: float, low: float, high: float) -> None:
+    _expect_rate(sample_time)
     if not 0 < low <= high < 0.5 / sample_time:
         raise DataError(
             f"frequencies must rise between 0 and {0.5 / sample_time:g} Hz, half the sample rate; "

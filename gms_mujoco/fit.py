@@ -18,7 +18,7 @@ from .identification.frf_observation import FrfObservation, Seen, tells_another_
 from .identification.habits import as_logged, may_be_otherwise
 from .identification.least_squares import nudge
 from .identification.misfit import Misfit
-from .identification.observe import Data, driven, loaded, observe
+from .identification.observe import Data, driven, expect_enough, loaded, observe
 from .identification.refine import finish, refined, to_end
 from .identification.rough import begun, best_start
 from .identification.screen import Screen
@@ -91,7 +91,7 @@ def fit(
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: nothing to fit, or a response that cannot be used alone.
+        DataError: nothing to fit, fewer numbers than unknowns, or a response that cannot be used alone.
         ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, or it
             takes a goal and the data have torques, or the other way round.
     """
@@ -99,7 +99,9 @@ def fit(
     driven(plant, data).expect_names(fixed)
     report(0.0, "looking at the records")
     data = loaded(data, plant)
-    found = _fitted(plant, observe(data, plant.inertia, bandwidth), fixed, part(report, 0.0, 0.9))
+    seen = observe(data, plant.inertia, bandwidth)
+    expect_enough(seen, plant, fixed)
+    found = _fitted(plant, seen, fixed, part(report, 0.0, 0.9))
     if tells_another_noise(found.plant, found.misfit.observations):
         weighed = observe(data, plant.inertia, bandwidth, found.plant)
         found = _fitted(plant, weighed, fixed, part(report, 0.9, 1.0))

@@ -10,6 +10,7 @@ exact on the mass line; off it the position errs by less than 6 (f / sample rate
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,6 +29,12 @@ Complex = NDArray[np.complex128]
 INPUTS: Mapping[str, str] = {"torque": "N m", "current": "A", "voltage": "V", "reference": "1", "load": "N m"}
 OUTPUTS: Mapping[str, str] = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 METHODS = ("h1", "indirect")
+KINDS = ("hinge", "slide")
+_RANGES = {
+    "excitation": (1e-300, math.inf, "positive"), "amplitude": (1e-300, math.inf, "positive"),
+    "sigma": (0.0, math.inf, "0 or more"), "sigma_noise": (0.0, math.inf, "0 or more"),
+    "coherence": (0.0, 1 + 1e-9, "from 0 to 1"),
+}  # fmt: skip
 _HOLD_ERROR = {"position": (6.0, 4), "velocity": (3.3, 2)}  # times (f / sample rate)^..: left of a hold off the mass
 
 
@@ -53,7 +60,8 @@ class FRF:
         notes: how it was read or estimated, one sentence each.
 
     Raises:
-        DataError: lengths differ, a value is not finite, a frequency is not positive or does not rise.
+        DataError: lengths differ, a value is not finite or cannot be, a frequency is not positive or does not rise, or
+            the unit is not in SI.
     """
 
     name: str
@@ -77,15 +85,23 @@ class FRF:
                 raise DataError(f"{self.name}: {side} must be one of {listing(names)}; {what!r} given")
         if self.use not in USES:
             raise DataError(f"{self.name}: use must be one of {listing(USES)}; {self.use!r} given")
-        object.__setattr__(self, "frequency", np.asarray(self.frequency, float))
-        object.__setattr__(self, "response", np.asarray(self.response, complex))
+        for key in ("frequency", "response", *_OF_OUTPUT, *_OF_POINT):
+            given = getattr(self, key)
+            if given is not None or key in ("frequency", "response"):
+                try:
+                    value = _complex(given) if key == "response" else _real(given)
+                except (TypeError, ValueError):
+                    raise DataError(f"{self.name}: {key} must be numbers; {given!r} given") from None
+                object.__setattr__(self, key, value)
+        if self.frequency.ndim != 1:
+            raise DataError(f"{self.name}: frequency must be a row of numbers; {self.frequency.ndim} dimensions given")
         n = len(self.frequency)
         for key in ("response", "coherence", "sigma", "sigma_noise", "excitation", "amplitude"):
             value = getattr(self, key)
             if value is None:
                 continue
-            if key != "response":
-                value = np.broadcast_to(np.asarray(value, float), (n,)) if np.ndim(value) == 0 else np.asarray(value)
+            if key != "response" and np.ndim(value) == 0:
+                value = np.broadcast_to(value, (n,))
                 object.__setattr__(self, key, value)
             if value.shape != (n,):
                 raise DataError(f"{self.name}: {key} has shape {value.shape}, frequency has {(n,)}")
@@ -98,8 +114,16 @@ class FRF:
             raise DataError(f"{self.name}: frequencies must be positive and rise from one point to the next")
         if np.any(self.response == 0):
             raise DataError(f"{self.name}: the response is 0 at {self.frequency[self.response == 0][0]:g} Hz")
-        if not self.unit:
-            object.__setattr__(self, "unit", response_unit(self.input, self.output))
+        for key, (least, most, words) in _RANGES.items():
+            value = getattr(self, key)
+            if value is not None and len(wrong := value[(value < least) | (value > most)]):
+                raise DataError(f"{self.name}: {key} must be {words}; {wrong[0]:g} given")
+        units = [response_unit(self.input, self.output, kind) for kind in KINDS]
+        alike = [u for u in units if _letters(u) == _letters(self.unit)] if self.unit else units
+        if not alike:
+            raise DataError(f"{self.name}: a response is given in SI, {units[0]} or of a slide joint {units[1]}; "
+                            f"{self.unit!r} given")
+        object.__setattr__(self, "unit", alike[0])
         if self.excitation is not None and self.amplitude is None:
             object.__setattr__(self, "amplitude", self.excitation * np.abs(self.response))
         if self.amplitude is not None and self.excitation is None:
@@ -113,6 +137,18 @@ class FRF:
         """(n,) angular frequency [rad/s]."""
         return 2 * math.pi * self.frequency
 
+    @property
+    def kind(self) -> str:
+        """Of the joint, "hinge" or "slide", as the unit says."""
+        return "hinge" if "rad" in self.unit else "slide"
+
+    def of_kind(self, kind: str) -> FRF:
+        """Itself; raises DataError where it is the response of the other kind of joint."""
+        if self.kind != kind:
+            raise DataError(f"{self.name}: a response in {self.unit}, of a {self.kind} joint, where a {kind} joint is "
+                            "asked for")
+        return self
+
     def compliance(self) -> FRF:
         """The same response from torque to position; raises DataError where it starts from something else."""
         if self.input not in ("torque", "load"):
@@ -123,8 +159,7 @@ class FRF:
         by = (1j * self.omega) ** power
         size = np.abs(by)
         scaled: dict[str, Any] = {k: None if (v := getattr(self, k)) is None else v / size for k in _OF_OUTPUT}
-        kind = "hinge" if "rad" in self.unit else "slide"
-        unit = response_unit(self.input, "position", kind)
+        unit = response_unit(self.input, "position", self.kind)
         return replace(self, response=self.response / by, output="position", unit=unit, **scaled)
 
     def band(self, low: float = 0.0, high: float = math.inf) -> FRF:
@@ -136,6 +171,21 @@ class FRF:
         """The points where `keep` (n,) holds."""
         cut: dict[str, Any] = {k: None if (v := getattr(self, k)) is None else v[keep] for k in _OF_OUTPUT + _OF_POINT}
         return replace(self, frequency=self.frequency[keep], response=self.response[keep], **cut)
+
+
+def _real(given: Any) -> Array:
+    value = np.asarray(given)
+    if np.iscomplexobj(value):
+        raise TypeError
+    return value.astype(float)
+
+
+def _complex(given: Any) -> Complex:
+    return np.asarray(given).astype(complex)
+
+
+def _letters(unit: str) -> str:
+    return re.sub(r"[\s()·*]", "", unit)
 
 
 _OF_OUTPUT = ("sigma", "sigma_noise", "amplitude")
@@ -231,6 +281,8 @@ def estimate_frf(
     runs = [records] if isinstance(records, Record) else list(records)
     if not runs:
         raise DataError("no records; expected at least one to estimate a frequency response from")
+    if kind not in KINDS:
+        raise DataError(f"kind must be one of {listing(KINDS)}; {kind!r} given")
     if method not in METHODS:
         raise DataError(f"method must be one of {listing(METHODS)}; {method!r} given")
     if method == "indirect" and reference is None:

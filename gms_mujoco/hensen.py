@@ -92,7 +92,7 @@ def identify_lugre(
     torque: Array,
     inertia: float | None = None,
     *,
-    kind: str = "hinge",
+    kind: str | None = None,
 ) -> LuGreReading:
     """LuGre friction, and where it is not given the inertia, from responses at small amplitude and from sliding.
 
@@ -100,7 +100,7 @@ def identify_lugre(
         frfs: from torque, with their amplitude known; those within twice the smallest amplitude are used.
         velocity, torque: (n,) constant velocities and the torques that hold them [rad/s], [N m]; `constant_velocity`.
         inertia: [kg m^2]; None: identified, from the same points.
-        kind: of the joint.
+        kind: of the joint; None: that of the responses.
 
     Raises:
         DataError: no responses, a resonance that is none, amplitudes that are not small, or too few velocities.
@@ -108,7 +108,8 @@ def identify_lugre(
     if not frfs:
         raise DataError("no frequency responses; one at small amplitude is needed")
     curve = fit_sliding(velocity, torque)
-    all_ = [with_amplitude(f) for f in frfs]
+    kind = kind or frfs[0].kind
+    all_ = [with_amplitude(f).of_kind(kind) for f in frfs]
     sizes = [float(np.median(f.amplitude)) for f in all_]  # type: ignore[arg-type]
     near = [f for f, a in zip(all_, sizes, strict=True) if a <= _ALIKE * min(sizes)]
     omega = np.concatenate([f.omega for f in near])
@@ -186,7 +187,12 @@ def fit_sliding(velocity: Array, torque: Array) -> SlidingCurve:
     Raises:
         DataError: fewer than four velocities, lengths that differ, or no friction that opposes the motion.
     """
-    velocity, torque = np.asarray(velocity, float), np.asarray(torque, float)
+    try:
+        velocity, torque = np.asarray(velocity, float), np.asarray(torque, float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"velocity and torque must be numbers ({error})") from None
+    if not (np.isfinite(velocity).all() and np.isfinite(torque).all()):
+        raise DataError("velocity and torque must be finite numbers, one torque for each velocity")
     if velocity.shape != torque.shape or velocity.ndim != 1:
         raise DataError(f"velocity has shape {velocity.shape}, torque {torque.shape}; one torque for each velocity")
     v, f = np.abs(velocity), torque * np.sign(velocity)

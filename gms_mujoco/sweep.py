@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from .bench import Controller, measure
 from .errors import DataError, listing
 from .excitation import Excitation
-from .frf import FRF
-from .plant import Plant
+from .frf import FRF, response_unit
+from .plant import Plant, slide_unit
 
 Array = NDArray[np.float64]
 
@@ -71,13 +71,18 @@ def stepped_sine(
     """
     if held not in HELD:
         raise DataError(f"held must be one of {listing(HELD)}; {held!r} given")
-    if amplitude <= 0:
-        raise DataError(f"amplitude must be positive; {amplitude:g} given")
+    plant.torque_driven().complete()
+    for name, value in (("amplitude", amplitude), ("sample_time", sample_time), ("tolerance", tolerance)):
+        if not 0 < value < math.inf:
+            raise DataError(f"{name} must be positive; {value:g} given")
+    for name, count, least in (("periods", periods, 1), ("windows", windows, 1), ("transient", transient, 0)):
+        if not count >= least:
+            raise DataError(f"{name} must be {least} or more; {count!r} given")
     points: list[FRF] = []
     missed: list[float] = []
     open_torque = held == "torque" and controller is None
     size = amplitude
-    for i, f in enumerate(sorted(float(x) for x in frequency)):
+    for i, f in enumerate(sorted(float(x) for x in np.atleast_1d(frequency))):
         if not 0 < f < 0.25 / sample_time:
             raise DataError(f"{f:g} Hz is out of reach; expected more than 0 and less than {0.25 / sample_time:g} Hz")
         sine = Excitation.sine(sample_time, f, 1.0, max(periods, math.ceil(_LEAST * f * sample_time)))
@@ -101,6 +106,7 @@ def stepped_sine(
     if not points:
         raise DataError(f"{held} amplitude {amplitude:g}: no motion seen, or not held, at any frequency")
     unit = "N m" if held == "torque" else "rad"
+    unit = unit if plant.kind == "hinge" else slide_unit(unit)
     notes = [f"stepped sine, {held} amplitude held at {amplitude:.4g} {unit}"]
     if missed:
         why = "no motion seen" if open_torque else f"not held within {100 * tolerance:g} %"
@@ -110,7 +116,8 @@ def stepped_sine(
     joined = {k: None if any(v is None for v in row) else np.concatenate(row) for k, row in rows.items()}
     order = np.unique(np.concatenate([p.frequency for p in points]), return_index=True)[1]
     values: dict[str, Any] = {k: None if v is None else v[order] for k, v in joined.items()}
-    return FRF(f"{held} {amplitude:.3g} {unit}", **values, sine=True, notes=tuple(notes))
+    own = response_unit("torque", "position", plant.kind)
+    return FRF(f"{held} {amplitude:.3g} {unit}", **values, unit=own, sine=True, notes=tuple(notes))
 
 
 def _run(plant: Plant, sine: Excitation, bench: dict[str, Any], size: float) -> FRF:

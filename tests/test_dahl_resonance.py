@@ -221,11 +221,17 @@ def test_data_that_cannot_tell_are_refused() -> None:
     for frfs, words in (
         ([], "no frequency responses"),
         ([frf], "same amplitude"),
+        (frf, "same amplitude"),
+        (["a"], "frequency responses are expected, .*; str given"),
+        ([replace(frf, response=frf.response / np.abs(frf.response), excitation=np.linspace(1, 2, 20), amplitude=None)],
+         "linear: no friction is seen: .* are units"),
         ([replace(frf, sine=False)], "many frequencies at once"),
         ([FRF("a", frf.frequency, frf.response)], "amplitude of the excitation is not known"),
         ([FRF("a", frf.frequency, frf.response, input="voltage")], "torque to position is needed"),
     ):
         with pytest.raises(DataError, match=words):
             identify_dahl(frfs)
+    with pytest.raises(DataError, match="the inertia must be a positive number; nan given"):
+        identify_dahl([frf], inertia=float("nan"))
     with pytest.raises(DataError, match="at least two"):
         read_resonances([Resonance(1e-3, 20.0, 0.1)], J)

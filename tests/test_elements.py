@@ -5,7 +5,8 @@ import pytest
 
 from gms_mujoco import effects
 from gms_mujoco.elements import choose_elements
-from gms_mujoco.errors import ModelError
+from gms_mujoco.errors import DataError, ModelError
+from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF
 from gms_mujoco.plant import Plant
 from gms_mujoco.sweep import stepped_sine
@@ -34,3 +35,16 @@ def test_as_many_elements_as_the_axis_has(count: int) -> None:
 def test_only_friction_without_values_has_its_elements_chosen() -> None:
     with pytest.raises(ModelError, match="whose stiffness has no value yet"):
         choose_elements(Plant.axis(J) + effects.Viscous(), [])
+
+
+@pytest.mark.filterwarnings('error')
+def test_fewer_numbers_than_unknowns_are_refused() -> None:
+    f = np.geomspace(9, 300, 12)
+    frf = FRF("few", f, 1 / (0.5 + 1e-3j * 2 * np.pi * f - J * (2 * np.pi * f) ** 2), excitation=1e-3)
+    with pytest.raises(ModelError, match="no number of elements to choose from"):
+        choose_elements(UNKNOWN, [frf], ())
+    with pytest.raises(DataError, match=r"few: 4 numbers at 2 frequencies of responses, and \d+ unknowns of the plant"):
+        choose_elements(UNKNOWN, [frf.band(0, f[1])])
+    with pytest.raises(DataError, match=r"few: 6 numbers at 3 frequencies of responses, and 1\d unknowns of the plant"):
+        fit(UNKNOWN.replace(effects.GMS(elements=4)), [frf.band(0, f[2])])
+    assert choose_elements(UNKNOWN, [frf.where(np.arange(12) % 3 == 0)], (1, 2, 8)).plant["gms"].elements <= 2

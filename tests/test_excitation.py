@@ -84,6 +84,10 @@ def test_the_amplitude_rises_over_the_first_periods_and_scales() -> None:
         (lambda: Excitation.chirp(H, 1.0, 2, 300, 1.0, "cubic"), "sweep must be one of linear"),
         (lambda: Excitation.chirp(H, 1.0, 300, 2, 1.0), "rise between"),
         (lambda: Excitation.sine(H, 0.0, 1.0), "between 0 and"),
+        (lambda: Excitation.sine(0.0, 20.0, 1.0), "sample time must be positive .*; 0 given"),
+        (lambda: Excitation.multisine(0.0, 1.0, 2, 300, 1.0, 0), "sample time must be positive"),
+        (lambda: Excitation.multisine(H, 1.0, 2, 300, float("nan"), 0), "rms must be positive; nan given"),
+        (lambda: Excitation.multisine(H, 1.0, 2, 300, 1.0, 0, lines=0), "lines must be 1 or more; 0 given"),
     ],
 )
 def test_a_signal_that_cannot_be_is_refused(make, words: str) -> None:

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from gms_mujoco import effects
-from gms_mujoco.errors import DataError
+from gms_mujoco.compare import compare
+from gms_mujoco.dahl_resonance import identify_dahl
+from gms_mujoco.errors import DataError, GmsError
 from gms_mujoco.excitation import multisine
+from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF, estimate_frf, hold_factor, join_sines, to_csv
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
@@ -147,6 +150,20 @@ def test_stepped_sine_holds_the_amplitude() -> None:
         assert np.allclose(reached, amplitude, rtol=2.1e-3)
 
 
+def test_a_stepped_sine_of_a_slide_joint_is_in_its_unit_and_mistakes_are_told() -> None:
+    slide = stepped_sine(Plant(J, AXIS.effects, "slide"), 20.0, 1e-3, held="torque")
+    assert slide.unit == "m/(N)" and slide.name == "torque 0.001 N"
+    for change, words in (
+        ({"sample_time": 0.0}, "sample_time must be positive; 0 given"),
+        ({"amplitude": math.nan}, "amplitude must be positive; nan given"),
+        ({"periods": 0}, "periods must be 1 or more; 0 given"),
+        ({"transient": -1}, "transient must be 0 or more; -1 given"),
+        ({"plant": Plant.axis(J) + effects.find("spring")(stiffness=SPRING) + effects.find("gms")(2)}, "no value yet"),
+    ):
+        with pytest.raises(GmsError, match=words):
+            stepped_sine(**{"plant": AXIS, "frequency": [20.0], "amplitude": 1e-3, **change})  # type: ignore[arg-type]
+
+
 def test_a_motion_on_its_way_through_the_jump_of_a_softening_resonance_is_not_held() -> None:
     """Where no steady motion of that amplitude exists a short run may pass it, and a long one finds none."""
     dry = Plant.axis(J) + effects.GMS(
@@ -219,11 +236,37 @@ def test_responses_to_velocity_and_acceleration_become_compliances() -> None:
         ({"input": "effort"}, "input must be one of .*torque"),
         ({"use": "test"}, "use must be one of"),
         ({"sigma": [1.0]}, "sigma has shape"),
+        ({"frequency": 1.0, "response": 1.0}, "frequency must be a row of numbers; 0 dimensions given"),
+        ({"frequency": ["a", "b"]}, r"frequency must be numbers; \['a', 'b'\] given"),
+        ({"excitation": "a"}, "excitation must be numbers"),
+        ({"excitation": 1j}, "excitation must be numbers"),
+        ({"excitation": 0.0}, "excitation must be positive; 0 given"),
+        ({"excitation": -1e-3}, "excitation must be positive; -0.001 given"),
+        ({"sigma": -1.0}, "sigma must be 0 or more; -1 given"),
+        ({"coherence": 2.0}, "coherence must be from 0 to 1; 2 given"),
+        ({"unit": "deg/(N m)"}, r"given in SI, rad/\(N m\) or of a slide joint m/\(N\); 'deg/\(N m\)' given"),
     ],
 )
 def test_a_response_that_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
     with pytest.raises(DataError, match=words):
         FRF(**{"name": "a", "frequency": [1.0, 2.0], "response": [1.0, 1.0], **change})  # type: ignore[arg-type]
+
+
+def test_the_unit_of_a_response_says_the_kind_of_its_joint() -> None:
+    f = np.array([1.0, 2.0])
+    for unit, output, kind, spelled in (
+        ("", "position", "hinge", "rad/(N m)"), ("rad/Nm", "position", "hinge", "rad/(N m)"),
+        ("m/N", "position", "slide", "m/(N)"), ("m/s^2/N", "acceleration", "slide", "m/s^2/(N)"),
+    ):  # fmt: skip
+        frf = FRF("a", f, [1.0, 0.5], output=output, unit=unit)
+        assert (frf.kind, frf.unit) == (kind, spelled) and frf.compliance().kind == kind
+    hinge, slide = FRF("h", f, [1.0, 0.5], excitation=1.0), FRF("s", f, [1.0, 0.5], excitation=1.0, unit="m/N")
+    for given, plant in ((slide, AXIS), (hinge, Plant(J, AXIS.effects, "slide"))):
+        for verb in (lambda p, d: fit(p, d), compare):
+            with pytest.raises(DataError, match=f"of a {given.kind} joint, where a {plant.kind} joint is asked for"):
+                verb(plant, [given])
+        with pytest.raises(DataError, match=f"of a {given.kind} joint"):
+            identify_dahl([given], kind=plant.kind)
 
 
 def test_mistakes_of_the_estimate_are_told() -> None:
@@ -235,6 +278,7 @@ def test_mistakes_of_the_estimate_are_told() -> None:
         ({"period": 0.1003}, "not a whole number of samples"),
         ({"period": 0.4}, "periods of 800 are needed"),
         ({"segment": 1.0}, "a segment of 2000 samples"),
+        ({"kind": "x"}, "kind must be one of hinge, slide"),
         ({"segment": math.nan}, "segment must be a positive time .*; nan given"),
         ({"period": math.nan}, "period must be a positive time .*; nan given"),
         ({"transient": 1.5}, "transient must be a number of whole periods, 0 or more; 1.5 given"),

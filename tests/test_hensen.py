@@ -93,6 +93,8 @@ def test_data_that_cannot_tell_are_refused(responses, sliding) -> None:
         (responses, v[:3], f[:3], "at least 4"),
         (responses, v, f[:3], "one torque for each"),
         (responses, v, -f, "does not oppose"),
+        (responses, v, np.append(f[:-1], np.nan), "must be finite numbers"),
+        (responses, "fast", f, "must be numbers"),
     ):
         with pytest.raises(DataError, match=words):
             identify_lugre(frfs, speeds, torques)

@@ -20,6 +20,7 @@ from .tall import gram, times
 Array = NDArray[np.float64]
 
 FOLDS = 5
+_LEAST_PRIOR = 1e-6  # of the largest tangent: with less a sum of squares is not positive definite to rounding
 _BLOWN_UP = 10.0  # times its squared residual in the fit: a block that is left out and holds two thirds of an unknown
 
 
@@ -43,9 +44,10 @@ class LinearModel:
         self.reach = reach[self.columns]
         self.tangents = tangents[:, self.columns] * self.reach
         # In units of its reach a move is a standard normal; the residual's size is its noise.
-        self.prior = math.sqrt(float(residual @ residual) / max(int(self.determined.sum()), 1))
         own = gram(self.tangents, self.tangents)
-        self._normal = scipy.linalg.cho_factor(own + (self.prior**2 + 1e-300) * np.eye(len(own)))
+        least = _LEAST_PRIOR * math.sqrt(max(np.diag(own).max(initial=0.0), 1e-280))  # of what no residual is left of
+        self.prior = max(math.sqrt(float(residual @ residual) / max(int(self.determined.sum()), 1)), least)
+        self._normal = scipy.linalg.cho_factor(own + self.prior**2 * np.eye(len(own)))
         self.target = self.without(residual[:, None])[:, 0]
 
     def without(self, columns: Array) -> Array:

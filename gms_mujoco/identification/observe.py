@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from ..plant import Plant
 from ..record import Record
 from ..servo_run import ServoRun
 from .between_samples import mean_torque
+from .coordinates import Coordinates
 from .frf_observation import FrfObservation, Seen, balanced, observe_frfs, rescaled
 from .inverse import Observation
 from .noise import choose_bandwidth, estimate_noise, rough_inertia, shows_noise
@@ -42,12 +43,29 @@ def driven(plant: Plant, data: Sequence[Data]) -> Plant:
                         f"are: gms.load(...).fit; {_kind(other)} among them")
     if any(isinstance(d, ServoRun) for d in data):
         return expect_servo(plant)
+    for frf in (d for d in data if isinstance(d, FRF)):
+        frf.of_kind(plant.kind)
     without = next((d.name for d in data if isinstance(d, Record) and d.get("temperature") is None), None)
     for effect in plant.effects if without is not None else ():
         if name := effect.thermometer:
             raise DataError(f"{without} has no temperature [degC], which {effect.name} follows where it has {name}; "
                             f"log it, or leave {name} away")
     return plant.torque_driven()
+
+
+def is_enough(observations: Sequence[Seen], plant: Plant, fixed: Collection[str] = ()) -> bool:
+    """Whether these are as many numbers as a plant has unknowns."""
+    return sum(len(o.index) for o in observations) >= Coordinates(plant, fixed).size
+
+
+def expect_enough(observations: Sequence[Seen], plant: Plant, fixed: Collection[str] = ()) -> None:
+    """Raises DataError where these are fewer numbers than a plant has unknowns."""
+    if not is_enough(observations, plant, fixed):
+        frfs = [o for o in observations if isinstance(o, FrfObservation)]
+        points = f" at {sum(len(o.frf) for o in frfs)} frequencies of responses" if frfs else ""
+        raise DataError(f"{', '.join(o.name for o in observations)}: {sum(len(o.index) for o in observations)} numbers"
+                        f"{points}, and {Coordinates(plant, fixed).size} unknowns of the plant; measure at more "
+                        "frequencies and amplitudes, or fit fewer elements")
 
 
 def _kind(value: object) -> str:

@@ -12,6 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..errors import DataError
+from ..frf import FRF
 from ..identification.inverse import Observation
 from ..plant import Plant
 from ..record import Record
@@ -255,14 +256,52 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
             "torque_constant for current)"
         )
     if inertia is not None and share > 0.2 and rough > 0:
-        ratio = max(rough / inertia, inertia / rough)
-        if ratio > _OFF:
-            given = (f"the records look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is "
-                     f"given: {ratio:.3g} times off{hint(ratio)}")  # fmt: skip
-            if ratio > _ABSURD:
-                raise DataError(f"{given}; leave axis.inertia out to have it identified")
-            said.append(given)
+        said += _off(rough, inertia, unit, "records")
     return said
+
+
+def doubts_of_responses(frfs: Sequence[FRF], inertia: float | None, kind: str) -> list[str]:
+    """The same of frequency responses from torque: what they say against the inertia that was given.
+
+    Raises:
+        DataError: it cannot be.
+    """
+    found = _rough_of_responses(frfs) if inertia is not None else None
+    if inertia is None or found is None:
+        return []
+    return _off(found, inertia, "kg m^2" if kind == "hinge" else "kg", "responses")
+
+
+def _off(rough: float, inertia: float, unit: str, what: str) -> list[str]:
+    """A sentence where a given inertia is not about that which the data roughly show; raises DataError where it cannot
+    be."""
+    ratio = max(rough / inertia, inertia / rough)
+    if ratio <= _OFF:
+        return []
+    given = (f"the {what} look like an inertia of about {rough:.2g} {unit}, but {inertia:.3g} {unit} is given: "
+             f"{ratio:.3g} times off{hint(ratio)}")  # fmt: skip
+    if ratio > _ABSURD:
+        raise DataError(f"{given}; leave axis.inertia out to have it identified")
+    return [given]
+
+
+def _rough_of_responses(frfs: Sequence[FRF]) -> float | None:
+    """Rough inertia, where it takes a good part of the torque: torque over position as an inertia, and a spring that is
+    another in each response; None where they do not look like that."""
+    used = [f.compliance() for f in frfs if f.input in ("torque", "load")]
+    if not used:
+        return None
+    inverse = np.concatenate([1 / f.response for f in used])
+    mass = np.concatenate([f.omega**2 for f in used])
+    owner = np.repeat(np.arange(len(used)), [len(f) for f in used])
+    columns = np.column_stack([-mass, *(owner[:, None] == np.arange(len(used))).T]) / np.abs(inverse)[:, None]
+    target = inverse.real / np.abs(inverse)
+    scale = np.maximum(np.sqrt(np.mean(columns**2, 0)), 1e-300)
+    x = np.linalg.lstsq(columns / scale, target, rcond=1e-6)[0] / scale
+    left = float(np.std(target - columns @ x))
+    if len(target) <= len(x) or x[0] <= 0 or x[0] * scale[0] < 0.2 or left > 0.5 * float(np.std(target)):
+        return None
+    return float(x[0])
 
 
 def _twice(record: Record) -> str:

@@ -137,7 +137,7 @@ def test_a_response_that_cannot_be_used_says_why() -> None:
     for bad, words in (
         (frf, "amplitude of the excitation is not known"),
         (replace(frf, excitation=1.0, sine=False), "many frequencies at once"),
-        (replace(frf, input="voltage"), "torque to position is needed"),
+        (replace(frf, input="voltage", unit=""), "torque to position is needed"),
     ):
         with pytest.raises(DataError, match=words):
             usable(bad)

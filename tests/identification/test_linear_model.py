@@ -6,6 +6,7 @@ from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.fit import fit
+from gms_mujoco.frf import FRF
 from gms_mujoco.identification.folds import folds
 from gms_mujoco.identification.held_out import BLOCK
 from gms_mujoco.identification.intervals import block_sums
@@ -35,6 +36,15 @@ def test_what_the_plant_can_do_is_projected_out() -> None:
     assert np.all(left[:-1] < 0.05) and left[-1] > 0.99
     coefficients = np.linalg.lstsq(own, other, rcond=None)[0]
     np.testing.assert_allclose(kept[: len(residual), -1:], other - own @ coefficients, atol=0.01)
+
+
+def test_what_is_fitted_without_a_rest_has_a_linear_model_too() -> None:
+    """Of few points, where unknowns stand for each other and nothing is left to weigh them by."""
+    f = np.geomspace(9, 120, 8)
+    frf = FRF("few", f, 1 / (0.5 + 1e-2j * 2 * np.pi * f - J * (2 * np.pi * f) ** 2), excitation=1e-3)
+    found = fit(Plant.axis(J) + effects.GMS(elements=5) + effects.Viscous(), [frf])
+    model = LinearModel(found.misfit, found.vector, np.zeros(16))
+    assert model.prior > 0 and np.isfinite(model.target).all() and np.isfinite(model.held_out()).all()
 
 
 def test_held_out_blocks_are_those_of_an_explicit_refit() -> None:

@@ -210,6 +210,18 @@ def test_a_universal_file_says_what_it_holds(tmp_path: Path) -> None:
         assert close(load(tmp_path).frfs[0])
 
 
+def test_an_inertia_that_cannot_be_is_refused_of_responses_too(tmp_path: Path) -> None:
+    text = rows("f [Hz],real,imag", F, G.real, G.imag)
+    for inertia, words in ((2.4e-5, ""), (2.4e-4, "10 times off"), (2.4e-1, "times off; leave axis.inertia out")):
+        axis = f"[axis]\ninertia = {inertia}\n"
+        if inertia > 0.1:
+            with pytest.raises(DataError, match=words):
+                dataset(tmp_path, text, axis=axis)
+        else:
+            notes = " ".join(dataset(tmp_path, text, axis=axis).notes)
+            assert re.search(words, notes) if words else "times off" not in notes
+
+
 def test_what_stands_at_0_hz_is_left_out(tmp_path: Path) -> None:
     for first in ("0,-inf,0", "0,nan,nan", "0,0,0"):
         text = rows("f [Hz],magnitude [dB],phase [deg]", F, 20 * np.log10(MAG), np.degrees(ARG))
