@@ -18,8 +18,10 @@ from ..responses.resonance import Resonance, find_resonance
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-PERIODS = 16  # of a forward simulation, the last of which is judged
-_RAMP = 6  # of them: a sine that sets in at once would leave the springs off their centre
+PERIODS = 16  # of a forward simulation, the later half of which is judged
+_MOST = 16  # times those, until the motion is steady: what moves freely beside the sine may die slowly
+_STEADY = 1e-3  # of the response: what periods differ by in a motion that is steady
+_RAMP = 6  # periods: a sine that sets in at once would leave the springs off their centre
 _SUBSTEPS = 4  # of a simulation per sample
 
 
@@ -32,7 +34,7 @@ class FrfComparison:
         torque_error: rms of measured minus needed torque over rms of measured torque, each point divided by its
             standard deviation.
         simulation_error: rms of the relative difference of the response and that of a forward simulation under the
-            same torque over `PERIODS` periods from rest.
+            same torque from rest, once its motion is steady.
         noise_floor: the torque error that the uncertainty of the response alone leaves.
         frequency: (n,) [Hz].
         amplitude: (n,) of the position [rad].
@@ -151,20 +153,39 @@ def _resonance(frf: FRF, model: Complex) -> Resonance | None:
 
 
 def simulated_response(plant: Plant, o: FrfObservation) -> Complex:
-    """(n,) response of a forward simulation from rest under the torques of an observation."""
-    joint, wave = plant.joint(), np.arange(SAMPLES * PERIODS) / SAMPLES
+    """(n,) response of a forward simulation from rest under the torques of an observation, once it is steady."""
     torque = o.torque * o.drive_response(plant)
-    out = np.empty(len(o.frf), complex)
-    for i, f in enumerate(o.frf.frequency):
-        driven = np.minimum(wave / _RAMP, 1) * np.real(torque[i] * np.exp(2j * math.pi * wave))
-        # Held over a sample, a torque acts half a sample late.
-        step = 1 / (SAMPLES * f)
-        moved = joint.simulate(plant.driven_inertia, step, driven, substeps=_SUBSTEPS)
-        with np.errstate(invalid="ignore", over="ignore"):  # of what runs away the error is not a number
-            lead = 0.5 * step / _SUBSTEPS * moved.velocity  # see simulate
-            last = fundamental((moved.position - lead)[None, -SAMPLES:])[0]
-        out[i] = last * np.exp(1j * math.pi / SAMPLES) / np.sinc(1 / SAMPLES) / o.torque[i]
-    return out
+    # Held over a sample, a torque acts half a sample late.
+    late = np.exp(1j * math.pi / SAMPLES) / np.sinc(1 / SAMPLES)
+    moved = [_steady(plant, f, u) for f, u in zip(o.frf.frequency.tolist(), torque.tolist(), strict=True)]
+    return np.asarray(np.array(moved) * late / o.torque, complex)
+
+
+def _steady(plant: Plant, frequency: float, torque: complex) -> complex:
+    """First harmonic of the position under a sine that rises from nothing [rad]."""
+    joint, step = plant.joint(), 1 / (SAMPLES * frequency)
+    there: dict[str, Any] = {}
+    found = complex(math.nan)
+    for k in range(_MOST):
+        wave = k * PERIODS + np.arange(SAMPLES * PERIODS + 1) / SAMPLES
+        rise = 0.5 - 0.5 * np.cos(math.pi * np.minimum(wave / _RAMP, 1))
+        driven = rise * np.real(torque * np.exp(2j * math.pi * wave))
+        moved = joint.simulate(
+            plant.driven_inertia, step, driven, substeps=_SUBSTEPS, start=wave[0] / frequency, states=True, **there
+        )
+        if not np.isfinite(moved.position).all():  # of what runs away the error is not a number
+            return complex(math.nan)
+        there = {"position": moved.position[-1], "velocity": moved.velocity[-1]}
+        if moved.states is not None and moved.states.shape[1]:
+            there["state"] = moved.states[-1]
+        lead = 0.5 * step / _SUBSTEPS * moved.velocity  # see simulate
+        periods = (moved.position - lead)[:-1].reshape(PERIODS, SAMPLES)[PERIODS // 2 :]
+        drift = np.polyfit(np.arange(len(periods)), periods.mean(1), 1)[0] / SAMPLES
+        each = fundamental(periods - drift * np.arange(SAMPLES))
+        found = complex(each.mean())
+        if np.abs(each - found).max() < _STEADY * abs(found):
+            break
+    return found
 
 
 def table(rows: tuple[FrfComparison, ...]) -> str:
