@@ -313,6 +313,17 @@ def test_a_drag_that_fades_while_the_axis_warms_up_is_named() -> None:
     assert [e.name for e in d] == ["thermal_drift"] and d.verdict == "explained"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("form", [{}, {"gap": 0.02}], ids=["flexible_coupling", "backlash"])
+def test_a_load_with_dry_friction_of_its_own_is_named_and_comes_back(form: dict[str, float]) -> None:
+    kind = effects.Backlash if form else effects.FlexibleCoupling
+    load = kind(inertia=0.5 * J, frequency=40.0, damping=0.15, deceleration=0.3 * LEVEL / (0.5 * J), **form)
+    d = diagnose(dataset(HEALTHY + load), UNKNOWN)
+    assert [e.name for e in d] == [load.name] and d.verdict == "explained"
+    for name in ("inertia", "frequency", "deceleration", *form):
+        assert d.plant[load.name].values[name] == pytest.approx(load.values[name], rel=0.05)
+
+
 MODULATING = {
     "asymmetric_friction": effects.AsymmetricFriction(level=0.25),
     "position_dependent_friction": effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),

@@ -127,8 +127,7 @@ class JointFits:
         ways: list[tuple[float, dict[str, float]]] = []  # cost, form
         for form in self.forms(candidate.effect, current.plant):
             plants = [joined(current.plant, e.replace(**form)) for e in (candidate.effect, *candidate.others)]
-            near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
-            tried = [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
+            tried = self._nudged(current, plants, below)
             ways.append((min(misfit.cost(x) for misfit, x in tried) * _worth(form), form))
             fits += tried
         if candidate.strong:
@@ -136,6 +135,33 @@ class JointFits:
             fits += self.afresh(current.plant, candidate.strong, [f for _, f in ways], min(ways[0][0], below))
         name = candidate.effect.name
         return min(fits, key=lambda t: t[0].cost(t[1]) * _worth(t[0].coordinates.template[name].values))
+
+    def _nudged(
+        self, current: FitResult, plants: Sequence[Plant], below: float = math.inf
+    ) -> list[tuple[Misfit, Array]]:
+        near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
+        return [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
+
+    def gliding(self, current: FitResult, candidate: Candidate, rough: Rough) -> list[Rough]:
+        """Beside a rough fit of a play with dry friction behind it that without: a load that knocks as noise decides
+        looks at first as one that rests."""
+        name, misfit, x = rough
+        if width_of(type(candidate.effect)) is None or not rubs(misfit.plant(x)[name]):
+            return []
+        plants = [joined(current.plant, e.replace(deceleration=0.0)) for e in (candidate.effect, *candidate.others)]
+        fits = self._nudged(current, plants)
+        return [(name, *min(fits, key=lambda t: t[0].cost(t[1])))]
+
+    def leading(self, name: str, current: FitResult, rough: Sequence[Rough]) -> FitResult:
+        """The rough fit with an effect taken to its end; short of the noise floor that with and without dry friction of
+        a load, where both were tried."""
+        begun = {rubs(misfit.plant(x)[name]): (misfit, x) for n, misfit, x in reversed(rough) if n == name}
+        ends: list[FitResult] = []
+        for misfit, x in sorted(begun.values(), key=lambda t: left_of(*t)):
+            ends.append(self.formed(name, self.whole(current, misfit, x)))
+            if ends[-1].error <= AT_FLOOR * ends[-1].floor:
+                break
+        return min(ends, key=lambda r: _left(r, name))
 
     def afresh(
         self, plant: Plant, effect: Effect, ways: Sequence[dict[str, float]], below: float
@@ -237,14 +263,24 @@ class JointFits:
                 x = nudge(misfit, x, below=_FAR * least)
                 if misfit.cost(x) <= _FAR * least:
                     found.append(fit_to_end(misfit, x, below=least))
-        best = min(found, key=lambda r: r.error**2 * _worth(r.plant[name].values))
+        best = min(found, key=lambda r: _left(r, name))
         return from_other_contacts(best) if width_of(effects.find(name)) else best
 
 
 def _worth(values: Mapping[str, object]) -> float:
-    """Times the squared residual of another form of an effect, that one with these values has to stay below.
+    """How much less an effect with these values has to leave than in its other forms: so many times the square.
 
-    Dry friction behind a play makes the load remember less, and so leaves little less than a play without it does where that
-    knocks when noise decides, without being the one that is there.
+    Behind a play dry friction keeps a load from knocking when noise decides, and leaves less than the play that is
+    there but has none.
     """
     return _RUBS if values.get("deceleration") else 1.0
+
+
+def _left(result: FitResult, name: str) -> float:
+    """The squared residual of a fit, by which it is compared with those that have an effect in another form."""
+    return result.error**2 * _worth(result.plant[name].values)
+
+
+def rubs(effect: Effect) -> bool:
+    """Whether an effect has a load with dry friction of its own."""
+    return bool(effect.values.get("deceleration"))

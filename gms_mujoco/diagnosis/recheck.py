@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 _FAR = 4.0  # times the squared error of a fit: one that leaves more, with all else in place, is not as good afresh
 MOST_SCATTER = 0.4  # of an effect around its own prediction, relative to its size: more is not the effect
 _SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
+_PARTS = {_SPRING: _OFFSET, "backlash": "flexible_coupling"}
 _LEANS, _HARDLY = ("stiffness", "preload"), 0.3  # of the preload, that a spring changes by over the range
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))
@@ -76,18 +78,24 @@ def exchange(search: Search) -> bool:
 
 
 def _part(search: Search, step: Step) -> Trial | None:
-    """The last fit with the offset alone in the place of a spring that was added, which has one; None of other effects.
+    """The last fit with a part of an effect that was added in its place: the offset that a spring has, or the coupling
+    of a play; None of other effects.
 
     While another was missing that is uneven over the place, a slope may have stood for it: at the noise floor none is.
+    And where a resonance is, a play that closes finds it as well.
     """
     last = search.steps[-1].result
-    known = _OFFSET in last.plant or _OFFSET in search.barred
-    if step.effect != _SPRING or known or not search.at_floor:
+    name = _PARTS.get(step.effect or "", "")
+    if not name or name in last.plant or name in search.barred or not search.at_floor:
         return None
-    bare, start = without(last, _SPRING)
-    misfit, x = bare.onto(bare.plant(start) + effects.find(_OFFSET)(torque=last.plant[_SPRING].preload), start)
+    assert step.effect is not None
+    whole = last.plant[step.effect].values
+    own = [p.name for p in effects.find(name).parameters]
+    values: dict[str, Any] = {k: whole["preload" if name == _OFFSET else k] for k in own}
+    bare, start = without(last, step.effect)
+    misfit, x = bare.onto(bare.plant(start) + effects.find(name)(**values), start)
     result = refine(misfit, x)
-    return Trial(_OFFSET, result, cross_validated(misfit, result.vector))
+    return Trial(name, result, cross_validated(misfit, result.vector))
 
 
 def _hardly_leans(trial: Trial, plant: Plant) -> bool:

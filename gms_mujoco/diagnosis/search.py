@@ -182,6 +182,7 @@ class Search:
         for i, c in enumerate(promising):
             report(0.2 + 0.5 * i / len(promising), f"trying {c.effect.name}")
             rough.append((c.effect.name, *fits.roughly(current, c, fits.worth_trying(current, rough))))
+            rough += fits.gliding(current, c, rough[-1])
         rough += [r for r in (*fits.limits(current, rough), *fits.opened(current, rough)) if r[0] in p_values]
         if self.timed:
             rough += beside_straight(current, fits, self._addable, fits.worth_trying(current, rough))
@@ -250,7 +251,7 @@ class Search:
             if trials:
                 result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
             else:
-                result = fits.formed(name, fits.whole(current, misfit, x))
+                result = fits.leading(name, current, rough)
             result = without_idle(result)
             trials.append(Trial(name, result, cross_validated(result.misfit, result.vector)))
         self._settle_for(trials)
@@ -342,6 +343,9 @@ class Search:
             return True
         chosen, others = simplest(earned)
         name, result, held_out = earned[chosen]
+        if name in FORMS and name != trials[0].name:  # the form of the first alone was looked at again
+            result = self.fits.formed(name, result)
+            held_out = cross_validated(result.misfit, result.vector)
         confusable = tuple(earned[i].name for i in others)
         if any(s.effect == name for s in self.steps):  # one more of its harmonics: no new cause
             self.steps[-1] = replace(now, result=result, held_out=held_out)

@@ -1,0 +1,45 @@
+"""Joint fits with one effect more: of a load that rests by its own friction, and of one that glides."""
+
+import numpy as np
+import pytest
+from bench import HEALTHY, LEVEL, J, runs
+
+from gms_mujoco import effects
+from gms_mujoco.diagnosis.joint_fits import JointFits, rubs
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.fit_result import FitResult
+from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.screen import Screen
+
+GLIDING = effects.Backlash(inertia=0.5 * J, gap=0.03, frequency=40.0, damping=0.3)
+RUBBING = GLIDING.replace(deceleration=0.4 * LEVEL / (0.5 * J))
+
+
+@pytest.fixture(scope="module", params=[GLIDING, RUBBING], ids=["gliding", "rubbing"])
+def tried(request: pytest.FixtureRequest) -> tuple[JointFits, FitResult, effects.Backlash]:
+    seen = tuple(observe(runs(HEALTHY + request.param, seed=2), J))
+    return JointFits(HEALTHY, seen, frozenset()), fit_observations(HEALTHY, seen), request.param
+
+
+def test_both_forms_of_a_load_are_tried_from_the_deceleration_that_the_axis_would_have(
+    tried: tuple[JointFits, FitResult, effects.Backlash],
+) -> None:
+    fits, _, _ = tried
+    own, other = (form["deceleration"] for form in fits.forms(GLIDING))
+    typical = np.sqrt(np.mean([np.mean(o.applied(HEALTHY) ** 2) for o in fits.seen]))
+    assert own == 0 and other == pytest.approx(typical / J, rel=0.2)
+    assert fits.forms(RUBBING)[1] == {"deceleration": RUBBING.deceleration}
+
+
+def test_a_load_is_found_with_the_friction_that_it_has(tried: tuple[JointFits, FitResult, effects.Backlash]) -> None:
+    fits, now, play = tried
+    found = Screen(now.misfit, now.vector).candidate(effects.Backlash)
+    assert found is not None
+    rough = [("backlash", *fits.roughly(now, found))]
+    rough += fits.gliding(now, found, rough[0])
+    assert len({rubs(misfit.plant(x)["backlash"]) for _, misfit, x in rough}) == len(rough)
+    result = fits.leading("backlash", now, rough)
+    assert rubs(result.plant["backlash"]) == rubs(play)
+    assert result.plant["backlash"].gap == pytest.approx(play.gap, rel=0.05)
+    assert result.plant["backlash"].deceleration == pytest.approx(play.deceleration, rel=0.02)
+    assert result.error < 0.3 * now.error
