@@ -33,7 +33,7 @@ Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough 
 
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _STIFFENING = ({"stiffening": 1.0}, {"stiffening": 0.0})
-_RUBBING = ({"deceleration": 0.0}, {"deceleration": 1.0})
+_RUBBING = ({"deceleration": 0.0}, {"deceleration": 1.0}, {"deceleration": 0.2})
 # Of each effect that has several. Whether one has a speed, or a scale of temperature, or slows its load down, is a form
 # of it, and which a fit finds.
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
@@ -126,8 +126,7 @@ class JointFits:
         fits: list[tuple[Misfit, Array]] = []
         ways: list[tuple[float, dict[str, float]]] = []  # cost, form
         for form in self.forms(candidate.effect, current.plant):
-            plants = [joined(current.plant, e.replace(**form)) for e in (candidate.effect, *candidate.others)]
-            tried = self._nudged(current, plants, below)
+            tried = self._nudged(current, candidate, form, below)
             ways.append((min(misfit.cost(x) for misfit, x in tried) * _worth(form), form))
             fits += tried
         if candidate.strong:
@@ -137,8 +136,11 @@ class JointFits:
         return min(fits, key=lambda t: t[0].cost(t[1]) * _worth(t[0].coordinates.template[name].values))
 
     def _nudged(
-        self, current: FitResult, plants: Sequence[Plant], below: float = math.inf
+        self, current: FitResult, candidate: Candidate, form: dict[str, float], below: float
     ) -> list[tuple[Misfit, Array]]:
+        """Rough fits with a candidate in one form."""
+        begun = candidate if any(form.values()) else candidate.gliding or candidate
+        plants = [joined(current.plant, e.replace(**form)) for e in (begun.effect, *begun.others)]
         near = (current.misfit.onto(plant, current.vector, self.few) for plant in plants)
         return [(misfit, nudge(misfit, x, below=below)) for misfit, x in near]
 
@@ -148,8 +150,7 @@ class JointFits:
         name, misfit, x = rough
         if width_of(type(candidate.effect)) is None or not rubs(misfit.plant(x)[name]):
             return []
-        plants = [joined(current.plant, e.replace(deceleration=0.0)) for e in (candidate.effect, *candidate.others)]
-        fits = self._nudged(current, plants)
+        fits = self._nudged(current, candidate, {"deceleration": 0.0}, math.inf)
         return [(name, *min(fits, key=lambda t: t[0].cost(t[1])))]
 
     def leading(self, name: str, current: FitResult, rough: Sequence[Rough]) -> FitResult:
@@ -254,6 +255,9 @@ class JointFits:
     def formed(self, name: str, result: FitResult) -> FitResult:
         """The same joint fit, or that with another form of the effect or another contact of a play where it leaves
         less: rough fits are no judges of forms that differ little."""
+        plays = width_of(effects.find(name)) is not None
+        if plays:
+            result = from_other_contacts(result)
         found, cost = [result], result.misfit.cost(result.vector)
         for form in self.forms(result.plant[name]):
             plant = result.plant.replace(result.plant[name].replace(**form))
@@ -264,7 +268,7 @@ class JointFits:
                 if misfit.cost(x) <= _FAR * least:
                     found.append(fit_to_end(misfit, x, below=least))
         best = min(found, key=lambda r: _left(r, name))
-        return from_other_contacts(best) if width_of(effects.find(name)) else best
+        return from_other_contacts(best) if plays and best is not result else best
 
 
 def _worth(values: Mapping[str, object]) -> float:

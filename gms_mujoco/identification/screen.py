@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..logs.encoder import count_size
+from ..parameter import DECELERATION
 from ..plant import Plant
 from ..threads import each
 from .candidates import (
@@ -74,6 +75,7 @@ class Candidate:
         strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         columns: (m, k) what it does to the residual.
         others: the same with other widths of a play at which it explains much, from which a joint fit may start too.
+        gliding: of a load that may have dry friction of its own the best without; None of other effects.
     """
 
     effect: Effect
@@ -82,6 +84,7 @@ class Candidate:
     strong: Effect | None = None
     columns: Array | None = None
     others: tuple[Effect, ...] = ()
+    gliding: Candidate | None = None
 
 
 class _Tangents(NamedTuple):
@@ -151,9 +154,16 @@ class Screen:
         Args:
             given: values of parameters that are neither strengths nor phases, of which no others are tried.
         """
-        best, given = _Best(), given or {}
+        found = self._candidate(effect, given or {}, {})
+        rubs = next((p.name for p in effect.parameters if p.unit == DECELERATION), None)
+        if found is None or given or rubs is None:
+            return found
+        return replace(found, gliding=self._candidate(effect, {}, {rubs: 0.0}))
+
+    def _candidate(self, effect: type[Effect], given: dict[str, float], form: dict[str, float]) -> Candidate | None:
+        best = _Best()
         tried = [*shapes(effect, self.scales, self.misfit.observations, self.plant), *self._finer(effect)]
-        todo = list({tuple((shape | given).items()): shape | given for shape in tried}.values())
+        todo = list({tuple((shape | given | form).items()): shape | given | form for shape in tried}.values())
         for tangents in self._in_turn(effect, todo):
             self._try(best, effect, tangents)
         found = [best, *self._plays(best, effect, given)]

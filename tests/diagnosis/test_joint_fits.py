@@ -25,9 +25,9 @@ def test_both_forms_of_a_load_are_tried_from_the_deceleration_that_the_axis_woul
     tried: tuple[JointFits, FitResult, effects.Backlash],
 ) -> None:
     fits, _, _ = tried
-    own, other = (form["deceleration"] for form in fits.forms(GLIDING))
+    own, other, weak = (form["deceleration"] for form in fits.forms(GLIDING))
     typical = np.sqrt(np.mean([np.mean(o.applied(HEALTHY) ** 2) for o in fits.seen]))
-    assert own == 0 and other == pytest.approx(typical / J, rel=0.2)
+    assert own == 0 < weak < other == pytest.approx(typical / J, rel=0.2)
     assert fits.forms(RUBBING)[1] == {"deceleration": RUBBING.deceleration}
 
 
