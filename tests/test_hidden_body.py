@@ -27,21 +27,37 @@ def command():
     return multisine(4000, H, 1.0, 200.0, 5e-3, np.random.default_rng(1))
 
 
-def sprung_reference(torque, h, n, slow):
-    """(n, 3) as `backlash_reference`, of two masses on a spring."""
+def in_small_steps(torque, h, n, slow, pull):
+    """(n, 3) motor position and velocity and torque on it of two masses, semi-implicit Euler in small steps; dry
+    friction slows the load down. `pull` gives the torque over the load's inertia from its relative position and velocity."""
     v1 = v2 = q1 = q2 = f = 0.0
     out = np.zeros((len(torque), 3))
     dt = h / n
     for i, u in enumerate(torque):
         out[i] = q1, v1, f
         for _ in range(n):
-            f = J2 * (W**2 * (q2 - q1) + 2 * ZETA * W * (v2 - v1))
+            f = J2 * pull(q2 - q1, v2 - v1)
             v1 += dt * (u + f) / (J - J2)
             v2 -= dt * f / J2
             v2 -= max(min(v2, dt * slow), -dt * slow)
             q1 += dt * v1
             q2 += dt * v2
     return out
+
+
+def sprung_reference(torque, h, n, slow=0.0):
+    return in_small_steps(torque, h, n, slow, lambda r, v: W**2 * r + 2 * ZETA * W * v)
+
+
+def backlash_reference(torque, h, n, slow=0.0):
+    zeta, half = PLAY.damping, PLAY.gap / 2
+
+    def pull(r, v):
+        x = r - half if r > half else r + half if r < -half else 0.0
+        f = W**2 * x + 2 * zeta * W * v
+        return f if f * x > 0 else 0.0
+
+    return in_small_steps(torque, h, n, slow, pull)
 
 
 def two_masses(torque, h, j1=J - J2, viscous=0.0):
@@ -135,28 +151,6 @@ def test_bounded_at_any_stiffness_and_damping(kind, damping, frequency, command)
     record = simulate(plant, command, H, substeps=1)
     rigid = simulate(Plant.axis(0.1 * J) + effects.Viscous(coefficient=1e-4), command, H)
     assert np.ptp(record.position) < 2 * np.ptp(rigid.position)
-
-
-def backlash_reference(torque, h, n, slow=0.0):
-    """(n, 3) motor position and velocity and torque on it of two masses with play, semi-implicit Euler in small steps;
-    dry friction slows the load down."""
-    w, zeta, half, j1 = W, 0.2, 0.01, J - J2
-    q1 = q2 = v1 = v2 = f = 0.0
-    out = np.zeros((len(torque), 3))
-    dt = h / n
-    for i, u in enumerate(torque):
-        out[i] = q1, v1, f
-        for _ in range(n):
-            r = q2 - q1
-            x = r - half if r > half else r + half if r < -half else 0.0
-            f = J2 * (w * w * x + 2 * zeta * w * (v2 - v1)) if x else 0.0
-            f = f if f * x > 0 else 0.0
-            v1 += dt * (u + f) / j1
-            v2 -= dt * f / J2
-            v2 -= max(min(v2, dt * slow), -dt * slow)
-            q1 += dt * v1
-            q2 += dt * v2
-    return out
 
 
 def test_simulated_backlash_moves_as_two_masses_with_play():
