@@ -28,8 +28,10 @@ def command():
 
 
 def in_small_steps(torque, h, n, slow, pull):
-    """(n, 3) motor position and velocity and torque on it of two masses, semi-implicit Euler in small steps; dry
-    friction slows the load down. `pull` gives the torque over the load's inertia from its relative position and velocity."""
+    """(n, 3) motor position and velocity and torque on it of two masses, semi-implicit Euler in small steps.
+
+    Dry friction slows the load down; `pull` gives the torque over its inertia from relative position and velocity.
+    """
     v1 = v2 = q1 = q2 = f = 0.0
     out = np.zeros((len(torque), 3))
     dt = h / n

@@ -16,7 +16,7 @@ from ..effect import Effect
 from ..fit import fit_observations
 from ..fit_result import FitResult
 from ..identification.candidates import joined, shapes, width_of
-from ..identification.frf_observation import Seen
+from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.least_squares import nudge
 from ..identification.misfit import Misfit
 from ..identification.refine import CLOSE_TO_FLOOR, fit_to_end
@@ -104,11 +104,14 @@ class JointFits:
         """The forms of an effect, which no fit chooses from; of one that `plant` has, the one that it has.
 
         Those with a speed have that of the effect, or a typical one; those with a scale of temperature likewise, and
-        there are none where no temperature was measured that varies.
+        there are none where no temperature was measured that varies. Responses alone hardly tell dry friction of a load
+        from that of the joint, and each look at one is a balance to be found.
         """
         if effect.name not in FORMS or (plant is not None and effect.name in plant):
             return [{}]
         units = {p.name: p.unit for p in effect.parameters if p.is_scale}
+        if FORMS[effect.name] is _RUBBING and all(isinstance(o, FrfObservation) for o in self.seen):
+            return [{}]
         scales = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
         known = [form for form in FORMS[effect.name] if all(scales.get(k, 1.0) for k, v in form.items() if v)]
         return [{k: v * scales.get(k, 1.0) for k, v in form.items()} for form in known]

@@ -201,7 +201,7 @@ def shapes(
     for p in effect.parameters:
         if p.unit == KELVIN and scales[p.unit]:
             grids[p.name] = [0.0, _WIDE * scales[p.unit]]
-        if p.unit == DECELERATION:
+        if p.unit == DECELERATION and any(isinstance(o, Observation) for o in observations):
             grids[p.name] = [0.0, scales[p.unit]]
         if p.name == "phase" or not math.isnan(p.default):
             continue
