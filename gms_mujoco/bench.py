@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .axis import Mechanism
-from .errors import DataError, listing
+from .errors import DataError, is_number, listing
 from .excitation import Excitation
 from .frf import FRF, estimate_frf
 from .plant import Plant
@@ -117,7 +117,7 @@ def measure(
     if not waves:
         raise DataError("no excitation; at least one is needed")
     for what, count, least in (("periods", periods, 1), ("transient", transient, 0)):
-        if isinstance(count, bool) or not isinstance(count, Integral) or count < least:
+        if not is_number(count, Integral) or count < least:
             raise DataError(f"{what} must be a whole number from {least} on; {count!r} given")
     first = waves[0]
     for w in waves:

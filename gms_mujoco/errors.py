@@ -1,6 +1,8 @@
 """What can go wrong, said in one line: what was given, what was expected, which names exist."""
 
 from collections.abc import Iterable
+from numbers import Real
+from typing import Any, TypeGuard
 
 
 class GmsError(Exception):
@@ -17,6 +19,11 @@ class ModelError(GmsError):
 
 class EngineError(GmsError):
     """The installed MuJoCo cannot be used with this build."""
+
+
+def is_number(value: Any, kind: type = Real) -> TypeGuard[Any]:
+    """Whether something is a number, or a whole one (`Integral`); True and False are none."""
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def listing(names: Iterable[str]) -> str:

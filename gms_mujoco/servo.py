@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any, ClassVar
 
 import mujoco
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from . import engine, native
 from .axis import Mechanism, plant_of
-from .errors import ModelError, listing
+from .errors import ModelError, is_number, listing
 from .plant import Plant
 from .tasks import TASKS, Episode, at_rest, check_tasks, draw, needed, scale_of
 
@@ -27,11 +27,6 @@ Array = NDArray[np.float64]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with plugin_state, the forces of the elements
 _WORTH_THREADS = 32  # axes: fewer step faster on one thread than others wake up
-
-
-def _is(kind: type, value: Any) -> bool:
-    """A number of that kind; True is none."""
-    return isinstance(value, kind) and not isinstance(value, bool | np.bool_)
 
 
 class Axes:
@@ -82,18 +77,17 @@ class Axes:
         if resolution is None:
             resolution = 1e-6 * (2 * math.pi if self.plant.kind == "hinge" else 1)
         for name, value in {"rate": rate, "resolution": resolution}.items():
-            if not _is(Real, value) or not 0 < value < math.inf:
+            if not is_number(value) or not 0 < value < math.inf:
                 raise ModelError(f"{name} must be positive; {value!r} given")
         for name, count in {"substeps": substeps, "episode_steps": episode_steps, "n": n}.items():
-            if not _is(Integral, count) or count < 1:
+            if not is_number(count, Integral) or count < 1:
                 raise ModelError(f"{name} must be a whole number from 1 on; {count!r} given")
         self.n, self.sample_time, self.substeps, self.episode_steps = n, 1 / rate, substeps, episode_steps
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)
         self.scale = scale_of(self.plant, self.resolution)
-        most = max(10 * self.scale.level, 2 * needed(self.plant, self.scale)) + self.mechanism.weight + self._load()
-        limit = most if torque_limit is None else torque_limit
-        if not _is(Real, limit) or not 0 < limit < math.inf:
+        limit = self._usual_limit() if torque_limit is None else torque_limit
+        if not is_number(limit) or not 0 < limit < math.inf:
             raise ModelError(f"torque_limit must be positive [N m]; {torque_limit!r} given")
         self.torque_limit = float(limit)
         self._draw(np.random.default_rng(0), None)  # a wrong split, spread or task shows here
@@ -125,6 +119,10 @@ class Axes:
             self.plant, self.scale, rng, self.episode_steps + 2, self.sample_time, self.tasks, self.spread,
             self.memory, self.mechanism.start, self.split, episode, self.mechanism.limits, self.mechanism.push,
         )
+
+    def _usual_limit(self) -> float:
+        most = max(10 * self.scale.level, 2 * needed(self.plant, self.scale))
+        return most + self.mechanism.weight + self._load()
 
     def _load(self) -> float:
         """Largest torque of gravity, springs, cogging and the like of the plant where the axis may go [N m]."""

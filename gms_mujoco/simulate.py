@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effect import LOADED
-from .errors import DataError, ModelError
+from .errors import DataError, ModelError, is_number
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
 from .record import Record
@@ -151,7 +151,7 @@ def expect_bench(position_noise: float, resolution: float | None, torque_noise: 
             raise DataError(f"{name} must not be negative; {value!r} given")
     if resolution is not None and (not isinstance(resolution, Real) or not 0 <= resolution < math.inf):
         raise DataError(f"resolution must not be negative, or None; {resolution!r} given")
-    if isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1:
+    if not is_number(substeps, Integral) or substeps < 1:
         raise DataError(f"substeps must be a whole number from 1 on; {substeps!r} given")
 
 

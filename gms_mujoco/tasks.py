@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import effects
-from .errors import ModelError, listing
+from .errors import ModelError, is_number, listing
 from .parameter import WAVES
 from .plant import Plant
 from .sampling import sample
@@ -228,7 +228,7 @@ def scatter(plant: Plant, rng: np.random.Generator, spread: float | str, held_ou
     """
     if spread == "uncertainty":
         return sample(plant, 1, rng, kinds=("friction",), outside=held_out)[0]
-    if isinstance(spread, bool) or not isinstance(spread, Real) or not 1 <= spread < math.inf:
+    if not is_number(spread) or not 1 <= spread < math.inf:
         raise ModelError(f"spread must be at least 1, or 'uncertainty'; {spread!r} given")
     if held_out and spread == 1:
         raise ModelError("friction held out of the training needs a spread above 1; with 1 there is one friction alone")
@@ -358,7 +358,7 @@ def draw(
             raise ModelError(f"{what} must be one of {listing(names)}; {given!r} given")
     if split != "train":
         number = int(rng.integers(N_EPISODES)) if episode is None else episode
-        if isinstance(number, bool) or not isinstance(number, Integral) or not 0 <= number < N_EPISODES:
+        if not is_number(number, Integral) or not 0 <= number < N_EPISODES:
             raise ModelError(f"episode must be a whole number in [0, {N_EPISODES - 1}]; {number!r} given")
         rng = np.random.default_rng([_STREAM, SPLITS.index(split), number])
     elif episode is not None:

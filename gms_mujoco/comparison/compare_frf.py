@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..frf import FRF
 from ..identification.frf_observation import FrfObservation
+from ..native import Joint
 from ..plant import Plant
 from ..responses.harmonics import SAMPLES, fundamental
 from ..responses.resonance import Resonance, find_resonance
@@ -157,13 +158,14 @@ def simulated_response(plant: Plant, o: FrfObservation) -> Complex:
     torque = o.torque * o.drive_response(plant)
     # Held over a sample, a torque acts half a sample late.
     late = np.exp(1j * math.pi / SAMPLES) / np.sinc(1 / SAMPLES)
-    moved = [_steady(plant, f, u) for f, u in zip(o.frf.frequency.tolist(), torque.tolist(), strict=True)]
+    joint, inertia = plant.joint(), plant.driven_inertia
+    moved = [_steady(joint, inertia, f, u) for f, u in zip(o.frf.frequency.tolist(), torque.tolist(), strict=True)]
     return np.asarray(np.array(moved) * late / o.torque, complex)
 
 
-def _steady(plant: Plant, frequency: float, torque: complex) -> complex:
+def _steady(joint: Joint, inertia: float, frequency: float, torque: complex) -> complex:
     """First harmonic of the position under a sine that rises from nothing [rad]."""
-    joint, step = plant.joint(), 1 / (SAMPLES * frequency)
+    step = 1 / (SAMPLES * frequency)
     there: dict[str, Any] = {}
     found = complex(math.nan)
     for k in range(_MOST):
@@ -171,7 +173,7 @@ def _steady(plant: Plant, frequency: float, torque: complex) -> complex:
         rise = 0.5 - 0.5 * np.cos(math.pi * np.minimum(wave / _RAMP, 1))
         driven = rise * np.real(torque * np.exp(2j * math.pi * wave))
         moved = joint.simulate(
-            plant.driven_inertia, step, driven, substeps=_SUBSTEPS, start=wave[0] / frequency, states=True, **there
+            inertia, step, driven, substeps=_SUBSTEPS, start=wave[0] / frequency, states=True, **there
         )
         if not np.isfinite(moved.position).all():  # of what runs away the error is not a number
             return complex(math.nan)

@@ -55,7 +55,7 @@ _STARTS = 2  # of the forms of an effect, the most promising, that are looked fo
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
 _FAR = 2.0  # times the cost of a fit: another form that leaves more after a few steps leaves more in the end
 _RUBS = 2.0  # times the squared residual that a load with dry friction has to leave, that one without may
-_LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
+LIMITS = {"flexible_coupling": "backlash"}  # what each is when it does not play
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class JointFits:
         What a resonance is seen by is narrow, and no grid of frequencies as fine: a contact that knocks finds it.
         """
         out = []
-        for special, general in _LIMITS.items():
+        for special, general in LIMITS.items():
             for _, misfit, x in (r for r in rough if r[0] == general and special not in current.plant):
                 plant = misfit.plant(x)
                 effect = effects.find(special)
@@ -199,7 +199,7 @@ class JointFits:
         """A rough joint fit with a play in the place of each coupling that was tried, takes most and leaves more than
         noise: as stiff and with as much behind it, as wide as leaves least."""
         out = []
-        for special, general in _LIMITS.items():
+        for special, general in LIMITS.items():
             for _, misfit, x in (r for r in rough if r[0] == special and general not in current.plant):
                 left = left_of(misfit, x)
                 if left <= AT_FLOOR**2 * floor_of(current) or left > _OPENED * left_of(current.misfit, current.vector):

@@ -24,6 +24,7 @@ from ..identification.tall import gram
 from ..plant import Plant
 from .beyond import beyond
 from .friction_law import LAWS
+from .joint_fits import LIMITS
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .search import Search
 from .steps import Step, Tried
@@ -33,7 +34,7 @@ Array = NDArray[np.float64]
 _FAR = 4.0  # times the squared error of a fit: one that leaves more, with all else in place, is not as good afresh
 MOST_SCATTER = 0.4  # of an effect around its own prediction, relative to its size: more is not the effect
 _SPRING, _OFFSET = "spring", "torque_offset"  # one has the other as its preload
-_PARTS = {_SPRING: _OFFSET, "backlash": "flexible_coupling"}
+_PARTS = {_SPRING: _OFFSET} | {general: special for special, general in LIMITS.items()}
 _LEANS, _HARDLY = ("stiffness", "preload"), 0.3  # of the preload, that a spring changes by over the range
 _LATE = 0.35  # of a harmonic, that its part in quadrature must have in either direction to count
 _IN_QUADRATURE = math.cos(math.radians(25))

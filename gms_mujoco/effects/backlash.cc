@@ -113,7 +113,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level&, con
     const double t = m.duration / n, a = course.acceleration, slow = coupling.slow;
     const Moving moving{coupling, t, gms::Coast(coupling.lambda, t), gms::Swing(omega, zeta, t)};
     for (int i = 0; i < n; i++) {
-      r = slow > 0 ? gms::rubbed(moving, r, course.start + i * t * a, a, t, slow, taken) : moving.stretch(r, a, t);
+      r = slow > 0 ? gms::rubbed(moving, r, course.start + i * t * a, a, t, slow, nullptr) : moving.stretch(r, a, t);
     }
     return r;
   };

@@ -28,7 +28,8 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level&, con
     if (!(slow > 0)) return shaft.stretch(r, a, m.duration);
     const int n = gms::stretches(shaft.omega, m.duration);
     const double t = m.duration / n;
-    for (int i = 0; i < n; i++) r = gms::rubbed(shaft, r, course.start + i * t * a, a, t, slow, taken);
+    double* const lost = course.coarse ? &taken : nullptr;
+    for (int i = 0; i < n; i++) r = gms::rubbed(shaft, r, course.start + i * t * a, a, t, slow, lost);
     return r;
   };
   const auto pull = [&](gms::Relative r) { return shaft.pull(r); };

@@ -75,7 +75,7 @@ class Candidate:
         strong: the same at a strength that is not small, for an effect that does then nothing like its tangent.
         columns: (m, k) what it does to the residual.
         others: the same with other widths of a play at which it explains much, from which a joint fit may start too.
-        gliding: of a load that may have dry friction of its own the best without; None of other effects.
+        gliding: of a load with dry friction of its own the best without; None of what has none.
     """
 
     effect: Effect
@@ -156,7 +156,7 @@ class Screen:
         """
         found = self._candidate(effect, given or {}, {})
         rubs = next((p.name for p in effect.parameters if p.unit == DECELERATION), None)
-        if found is None or given or rubs is None:
+        if found is None or given or rubs is None or not found.effect.values[rubs]:
             return found
         return replace(found, gliding=self._candidate(effect, {}, {rubs: 0.0}))
 

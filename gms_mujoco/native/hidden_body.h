@@ -114,9 +114,9 @@ double until(double t, Left last, Look look) {
 // slowed down as long as it moves one way, and rests where friction holds what pushes it.
 //
 // `coupling` has the motion without friction, stretch(r, a, t), what it pulls the joint by, pull(r), and how fast that grows
-// while the body rests, tightens(r, a). `taken` grows by the velocity that friction takes of the body.
+// while the body rests, tightens(r, a). `taken`, unless it is null, grows by the velocity that friction takes of the body.
 template <class Coupling>
-Relative rubbed(const Coupling& coupling, Relative r, double v, double a, double t, double slow, double& taken) {
+Relative rubbed(const Coupling& coupling, Relative r, double v, double a, double t, double slow, double* taken) {
   for (int turn = 0; turn < kMostTurns && t > 0; turn++) {
     const double speed = r.velocity + v, pull = coupling.pull(r);
     const bool still = std::fabs(speed) <= kStill * std::fabs(v), rests = still && std::fabs(pull) <= slow;
@@ -136,8 +136,10 @@ Relative rubbed(const Coupling& coupling, Relative r, double v, double a, double
     const Left last = left(end, t);
     const double passed = last.beyond ? until(t, last, [&](double now) { return left(at(now), now); }) : t;
     const Relative there = last.beyond ? at(passed) : end;
-    taken += rests ? -passed / 6 * (pull + 4 * coupling.pull(at(0.5 * passed)) + coupling.pull(there))
-                   : way * slow * passed;
+    if (taken != nullptr) {
+      *taken += rests ? -passed / 6 * (pull + 4 * coupling.pull(at(0.5 * passed)) + coupling.pull(there))
+                      : way * slow * passed;
+    }
     r = there;
     v += a * passed;
     if (last.beyond) r.velocity = -v;
@@ -150,7 +152,7 @@ Relative rubbed(const Coupling& coupling, Relative r, double v, double a, double
 enum { kDeflection = 0, kVelocity = 1, kJointVelocity = 2, kHiddenState = 3 };
 
 // The state after an interval, by `move` of the relative motion, and the torque over the body's inertia by `pull`. `move`
-// tells also what velocity dry friction took of the body.
+// tells also what velocity dry friction took of the body in a coarse step.
 template <class Move, class Pull>
 double follow(const Motion& m, double omega, double zeta, const double* state, double* next, Move move, Pull pull) {
   const double deflection = state[kDeflection], before = state[kVelocity], joint_before = state[kJointVelocity];
