@@ -22,7 +22,7 @@ from .identification.observe import Data, driven, expect_enough, loaded, observe
 from .identification.refine import finish, refined, to_end
 from .identification.rough import begun, best_start
 from .identification.screen import Screen
-from .identification.starts import ELEMENTS, other_weakenings, slipping_anew
+from .identification.starts import ELEMENTS, other_weakenings, shared_anew, slipping_anew
 from .plant import Plant
 from .progress import Progress, part, silent
 from .servo_run import CONTROLLERS
@@ -206,14 +206,21 @@ def from_the_data(
     if again := _doubting(misfit, x):
         misfit = Misfit(misfit.plant(x), again, fixed)
         x = refined(misfit, x)
+    if (other := shared_anew(plant, misfit.plant(x), misfit.observations)) and not result_of(misfit, x).is_near_floor:
+        misfit, x = _lesser(misfit, x, other, fixed, below)
     for names in _ANEW:
         if other := slipping_anew(plant, misfit.plant(x), misfit.observations, names):
             report(0.7, f"beginning anew with {' and '.join(names)}")
-            least = misfit.cost(x)
-            anew, there = misfit.onto(other, x, fixed=fixed)
-            there = refined(anew, there, below=min(below, least))
-            misfit, x = (anew, there) if anew.cost(there) < least else (misfit, x)
+            misfit, x = _lesser(misfit, x, other, fixed, below)
     return misfit, x
+
+
+def _lesser(misfit: Misfit, x: Array, other: Plant, fixed: Collection[str], below: float) -> tuple[Misfit, Array]:
+    """The misfit and the vector of a fit, or of where another plant leads that leaves less."""
+    least = misfit.cost(x)
+    anew, there = misfit.onto(other, x, fixed=fixed)
+    there = refined(anew, there, below=min(below, least))
+    return (anew, there) if anew.cost(there) < least else (misfit, x)
 
 
 def _begun_without(

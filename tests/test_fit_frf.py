@@ -72,6 +72,41 @@ def test_every_parameter_comes_back_from_responses_alone(fitted: gms.FitResult) 
     assert fitted.error < 1.2 * fitted.floor < 0.02
 
 
+FOUR = effects.GMS(
+    stiffness=[0.8, 0.4, 0.2, 0.1], fraction=[0.1, 0.2, 0.3, 0.4], coulomb=LEVEL, static=5.2e-3, stribeck_velocity=0.3,
+    attraction=0.5,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("spring", "seeds"), [(None, (2, 3, 5)), (0.05, (0, 2, 4)), (0.3, (1, 3, 4))])
+def test_each_element_finds_its_work(spring: float | None, seeds: tuple[int, ...]) -> None:
+    """A fit had left one element without a share, or made it a spring beside that of the plant, in half of such sets
+    of noise, and had ended four times above the floor."""
+    sprung = () if spring is None else (effects.Spring(stiffness=spring),)
+    plant, unknown = Plant.axis(J), gms.baseline(elements=4)
+    for e in (FOUR, effects.Viscous(coefficient=2e-5), *sprung):
+        plant = plant + e
+    for _ in sprung:
+        unknown = unknown + effects.Spring()
+    grid = np.geomspace(5, 150, 14)
+    clean = [stepped_sine(plant, grid, u * LEVEL, held="torque") for u in (0.05, 0.2, 0.5, 0.9, 1.5)]
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        noise = [0.005 * (rng.normal(size=14) + 1j * rng.normal(size=14)) for _ in clean]
+        frfs = [
+            replace(f, response=f.response * (1 + n), sigma=0.005 * abs(f.response))
+            for f, n in zip(clean, noise, strict=True)
+        ]
+        found = fit(unknown, frfs)
+        assert found.is_near_floor, seed
+        law = found.plant["gms"]
+        order = np.argsort(np.asarray(law.fraction))
+        assert np.allclose(np.asarray(law.stiffness)[order], [0.8, 0.4, 0.2, 0.1], rtol=0.08)
+        assert np.allclose(np.asarray(law.fraction)[order], [0.1, 0.2, 0.3, 0.4], rtol=0.08)
+        if spring is not None:
+            assert found.plant["spring"].stiffness == pytest.approx(spring, rel=0.02)
+
+
 def test_the_virgin_curve_is_right_where_the_reading_ignores_stribeck(
     fitted: gms.FitResult, healthy: list[FRF]
 ) -> None:

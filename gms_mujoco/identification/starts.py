@@ -31,6 +31,8 @@ _WIDEST = 0.3  # of the travel: one that breaks away later hardly slips both way
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
 _SOME = 0.01  # of the level: elements with less are not the friction beside which others are springs
+_IDLE = 1e-3  # of the level: an element with less does nothing
+_APART = 1.5  # times as soft, and as stiff, as an element are those that it is parted into
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
 _STUCK = 0.5  # of the largest amplitude: at the level it starts from no element breaks away at twice that
 _SLIPS = 0.6  # of it: an element that breaks away there shows that it does
@@ -72,13 +74,17 @@ def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:
 
     distances = break_away_distances(observations)
     others = replace(plant, effects=tuple(rest))
-    inertia, viscous, levels = _maxwell_slip(others, distances, observations, spring=True)
+    sprung = "spring" in plant
+    inertia, viscous, levels, stuck = _maxwell_slip(others, distances, observations, spring=True)
     if not any(isinstance(o, Observation) for o in observations):
-        latest = _latest(distances, levels, observations)
-        if latest < distances[-1]:  # what slips later, if ever, is a spring that the plant does not have yet
+        latest = _latest(distances, levels, observations, sprung)
+        if sprung or latest < distances[-1]:  # what slips later, if ever, is a spring, of the plant or yet to be found
+            stuck += float(np.sum((levels / distances)[distances > latest]))
             levels = np.where(distances <= latest, levels, 0.0)
         else:  # an element that never slips is no less likely than a spring
-            inertia, viscous, levels = _maxwell_slip(others, distances, observations)
+            inertia, viscous, levels, stuck = _maxwell_slip(others, distances, observations)
+    if sprung and stuck > 0 and not plant["spring"].stiffness:
+        rest = [e.replace(stiffness=stuck) if e.name == "spring" else e for e in rest]
     if "viscous" in others and not plant["viscous"].coefficient:
         rest = [e.replace(coefficient=viscous) if e.name == "viscous" else e for e in rest]
     group = gathered if any(isinstance(o, FrfObservation) for o in observations) else _grouped
@@ -131,6 +137,28 @@ def slipping_anew(plant: Plant, found: Plant, observations: Sequence[Seen], name
     return found.replace(law.replace(**{name: begun[name] for name in names}))
 
 
+def shared_anew(plant: Plant, found: Plant, observations: Sequence[Seen]) -> Plant | None:
+    """A plant that a fit of `plant` to frequency responses found, with an element that has nothing to do in the place
+    of half of the one that has most; None where each has something to do, the fit did not choose them, or records tell.
+
+    An element whose share has come to nothing stays so: no step from there makes it useful.
+    """
+    if "gms" not in plant or "stiffness" not in plant["gms"].unset:
+        return None
+    frfs = [o for o in observations if isinstance(o, FrfObservation)]
+    law = found["gms"]
+    if len(frfs) < len(observations) or law.elements < 2:
+        return None
+    share, stiffness = np.array(law.fraction, float), np.array(law.stiffness, float)
+    distance = share * float(np.asarray(law.coulomb)) / stiffness
+    least, most = int(np.argmin(share)), int(np.argmax(share))
+    if share[least] > _IDLE or distance[least] > _FINEST * min(float(o.size.min()) for o in frfs):
+        return None
+    share[most], share[least] = 0.5 * share[most], 0.5 * share[most] + share[least]
+    stiffness[most], stiffness[least] = 0.5 * stiffness[most] / _APART, 0.5 * stiffness[most] * _APART
+    return found.replace(law.replace(fraction=share, stiffness=stiffness))
+
+
 def _attraction(level: float, scales: Scales) -> float:
     """Where the rate at which elements follow their level starts [N m/s]."""
     return 0.1 * level / scales["s"]
@@ -165,15 +193,20 @@ def break_away_distances(observations: Sequence[Seen]) -> Array:
     return np.sort(np.concatenate(grids))
 
 
-def _latest(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
+def _latest(distances: Array, levels: Array, observations: Sequence[Seen], sprung: bool) -> float:
     """The longest break-away distance that frequency responses let an element have.
 
     Twice the largest amplitude; where that is many times the usual distance, so that the other elements have all
-    slipped long ago, less than the amplitude: there an element is told from a spring.
+    slipped long ago, or where the plant has a spring, less than the amplitude: there an element is told from a spring.
+
+    Args:
+        sprung: whether the plant has a spring.
     """
     largest = max(float(o.size.max()) for o in observations if isinstance(o, FrfObservation))
     usual = weighted_median(distances, levels) if levels.any() else largest
     longest = _FURTHER * LONGEST_BREAK_AWAY * usual
+    if sprung:
+        return min(longest, _SLIPS * largest)
     return longest if longest < _SLIPS * largest else largest / _STUCK
 
 
@@ -207,7 +240,7 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
             for p in (p for p in e.parameters if p.unit == "Hz" and p.name not in e.unset):
                 limits[f"{e.name}.{p.name}"] = (0.0, fastest, float(np.asarray(e.values[p.name])))
     if "gms" in plant and not plant["gms"].unset:
-        limits |= _visible_gms(plant["gms"], observations)
+        limits |= _visible_gms(plant, observations)
     return {k: (min(lo, float(v)), max(hi, float(v))) for k, (lo, hi, v) in limits.items()}
 
 
@@ -224,7 +257,8 @@ def _visible_weakening(law: Effect, observations: Sequence[Seen]) -> tuple[float
     return slowest, fastest, float(np.asarray(law.stribeck_velocity))
 
 
-def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
+def _visible_gms(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
+    gms = plant["gms"]
     stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
     total = float(level.sum())
     softest = float(level.mean()) / longest_break_away(level / stiffness, level, observations)
@@ -234,7 +268,8 @@ def _visible_gms(gms: Effect, observations: Sequence[Seen]) -> dict[str, tuple[f
     softer = np.full(gms.elements, softest)
     frfs = [o for o in observations if isinstance(o, FrfObservation)]
     if len(frfs) == len(observations):  # one that never slipped at any amplitude is told from no other such
-        latest, largest = _latest(level / stiffness, level, observations), max(float(o.size.max()) for o in frfs)
+        latest = _latest(level / stiffness, level, observations, "spring" in plant)
+        largest = max(float(o.size.max()) for o in frfs)
         # An element that starts small would become a spring as its share grows.
         softer = (np.maximum(level, level.mean()) if latest < largest else level) / latest
     limits = {n: (float(low), np.inf, float(k)) for n, low, k in zip(names, softer, stiffness, strict=True)}
@@ -291,8 +326,9 @@ def _with(effect: Effect, **values: object) -> Effect:
 
 def _maxwell_slip(
     plant: Plant, distances: Sequence[float] | Array, observations: Sequence[Seen], spring: bool = False
-) -> tuple[float, float, Array]:
-    """Inertia, viscous coefficient and the level of one slipping spring per break-away distance.
+) -> tuple[float, float, Array, float]:
+    """Inertia, viscous coefficient, the level of one slipping spring per break-away distance, and the stiffness of what
+    never slips beside them.
 
     A Maxwell-slip set on preset break-away distances is linear in its levels, so non-negative least squares finds
     the global optimum. An offset and a spring stand beside it: without them one that the plant does not have yet
@@ -333,13 +369,14 @@ def _maxwell_slip(
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
     solution = scipy.optimize.nnls(matrix / scale, target)[0] / scale
     n = len(springs)
+    stuck = float(solution[-2] - solution[-1]) if beside or spring else 0.0
     if plant.inertia is not None and plant.inertia_known:
-        return plant.inertia, float(solution[n]), solution[:n]
+        return plant.inertia, float(solution[n]), solution[:n], stuck
     inertia = float(solution[n + 1])
     if inertia <= 0:
         inertia = 1e-3 * float(np.std(target) / np.std(inertial))
     inertia += sum(e.hidden_inertia for e in plant.effects)
-    return inertia, float(solution[n]), solution[:n]
+    return inertia, float(solution[n]), solution[:n], stuck
 
 
 def _offset_and_spring(observations: Sequence[Seen]) -> list[Array]:
