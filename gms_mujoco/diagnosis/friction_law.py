@@ -180,12 +180,12 @@ def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
     if not search.timed:
         return list(others)
     last = search.steps[-1].result
+    least = left_of(last.misfit, last.vector)
     reach = []
     for other in others:
         if law_of(other.start) not in last.plant:
             other.first(silent)
-            reach.append((other.within_reach(), other))
-    least = left_of(last.misfit, last.vector)
+            reach.append((other.within_reach(least), other))
     return [other for left, other in sorted(reach, key=lambda r: r[0]) if left < least]
 
 

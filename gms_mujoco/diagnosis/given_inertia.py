@@ -59,7 +59,7 @@ def is_doubtful(search: Search, other: Search) -> bool:
         return True
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
-    return other.within_reach() < much_less
+    return other.within_reach(much_less) < much_less
 
 
 def _is_told_between_moments(search: Search) -> bool:

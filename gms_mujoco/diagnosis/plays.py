@@ -85,13 +85,11 @@ def looked_at(misfit: Misfit, vector: Array, plants: Sequence[Plant]) -> list[Pl
         misfit, vector: the fit.
         plants: with at least the effects of its plant, at their places.
     """
-    parts = np.split(misfit.residual(vector), misfit.splits)
-    loudest = sorted(sorted(range(len(parts)), key=lambda i: -float(parts[i] @ parts[i]))[:_LOOKED_AT])
+    some = sorted(misfit.loudest(vector)[:_LOOKED_AT])
     begun = []
     for plant in plants:
-        near = Misfit(plant, [misfit.observations[i] for i in loudest])
-        memories = misfit.memories(vector, near.n_memory)
-        x = near.vector(plant, [memories[i] for i in loudest], misfit.skew(vector))
+        whole, x = misfit.onto(plant, vector)
+        near, x = whole.part(x, some)
         begun.append((near.cost(x), near, x))
     begun.sort(key=lambda t: t[0])
     tried = [(near, nudge(near, x)) for _, near, x in begun[:_CLOSER]]

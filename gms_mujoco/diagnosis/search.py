@@ -153,13 +153,19 @@ class Search:
         self.steps = [Step(None, result, held_out=cross_validated(result.misfit, result.vector))]
         self.shape()
 
-    def within_reach(self) -> float:
+    def within_reach(self, least: float = math.inf) -> float:
         """Squared residual that the current plant would leave with the effect that promises most, by a linear refit
-        [N^2 m^2]; see `left_of`."""
+        [N^2 m^2]; see `left_of`. Infinite where more than `least` would be left of its loudest record, even if that
+        were all that there is to explain."""
         current = self.steps[-1].result
-        screen = Screen(current.misfit, current.vector)
-        gains = [c.gain for c in self._candidates(screen)]
-        return (1 - max(gains, default=0.0)) * left_of(current.misfit, current.vector)
+        misfit, x = current.misfit, current.vector
+        if math.isfinite(least) and self._with_one_more(*misfit.part(x, misfit.loudest(x)[:1])) > least:
+            return math.inf
+        return self._with_one_more(misfit, x)
+
+    def _with_one_more(self, misfit: Misfit, x: Array) -> float:
+        gains = [c.gain for c in self._candidates(Screen(misfit, x))]
+        return (1 - max(gains, default=0.0)) * left_of(misfit, x)
 
     def likeliest_beside(self, columns: Array) -> Effect | None:
         """The effect that leaves least in a linear refit in which torques (m, k) are free too; None where none can."""

@@ -179,6 +179,17 @@ class Misfit:
         out = Misfit(plant, self.observations if observations is None else observations, fixed, freed=freed)
         return out, out.vector(plant, self.memories(x, out.n_memory), self.skew(x) if skew is None else skew)
 
+    def loudest(self, x: Array) -> list[int]:
+        """The numbers of the observations, of which most is left first."""
+        left = [squared(r) for r in np.split(self.residual(x), self.splits)]
+        return sorted(range(len(left)), key=lambda i: -left[i])
+
+    def part(self, x: Array, some: Sequence[int]) -> tuple[Misfit, Array]:
+        """The problem of some of the observations by themselves, by number, and its vector where all is as at `x`."""
+        plant = self.plant(x)
+        out, memories = Misfit(plant, [self.observations[i] for i in some]), self.memories(x, self.n_memory)
+        return out, out.vector(plant, [memories[i] for i in some], self.skew(x))
+
     def settle(self, x: Array) -> Array:
         """`x` with better states before the first sample, by a search over each of them; and motions of frequency
         responses with the harmonics that they have at `x`.
