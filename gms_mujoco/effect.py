@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModelError, listing
+from .errors import ModelError, is_number, listing
 from .parameter import KELVIN, Parameter
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Effect:
         **values: parameters by name, a number or, per element, a sequence.
 
     Raises:
-        ModelError: unknown parameter, wrong number of values, or a value out of bounds.
+        ModelError: unknown parameter, wrong number of values, what is no number, or a value out of bounds.
     """
 
     name: ClassVar[str]
@@ -54,10 +54,11 @@ class Effect:
         for key in values:
             if key not in table:
                 raise ModelError(f"{self.name} has no parameter {key!r}; its parameters are {listing(table)}")
-        sizes = {k: np.size(v) for k, v in values.items() if table[k].per_element}
+        given = {k: _numbers(self.name, table[k], v) for k, v in values.items()}
+        sizes = {k: np.size(np.asarray(v)) for k, v in given.items() if table[k].per_element}
         if len(set(sizes.values())) > 1:
-            given = ", ".join(f"{k} has {n}" for k, n in sizes.items())
-            raise ModelError(f"{self.name}: parameters per element must have equally many values; {given}")
+            counts = ", ".join(f"{k} has {n}" for k, n in sizes.items())
+            raise ModelError(f"{self.name}: parameters per element must have equally many values; {counts}")
         if elements is not None and not any(p.per_element for p in self.parameters):
             raise ModelError(f"{self.name} has no elements; give its parameters by name, out of {listing(table)}")
         if elements is not None and (isinstance(elements, bool) or not isinstance(elements, int | np.integer)):
@@ -68,7 +69,7 @@ class Effect:
         if n < 1:
             raise ModelError(f"{self.name}: at least one element is needed, {n} given")
         self.elements = n
-        self.values = {p.name: _checked(self.name, p, values.get(p.name), n) for p in self.parameters}
+        self.values = {p.name: _checked(self.name, p, given.get(p.name), n) for p in self.parameters}
 
         for p in self.parameters:
             if p.at_least and np.any(np.asarray(self.values[p.name]) < np.asarray(self.values[p.at_least])):
@@ -188,6 +189,25 @@ class Effect:
         return None
 
 
+def passed(effect: Effect, way: str, time: NDArray[np.float64], samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What an effect makes of samples.
+
+    Args:
+        effect: whose.
+        way: "deliver", "read" or "correct".
+        time, samples: (n,) as for that method.
+
+    Raises:
+        ModelError: it does not give (n,) numbers back.
+    """
+    found = getattr(effect, way)(time, samples)
+    if np.shape(found) != np.shape(samples) or not _is_numeric(found):
+        given = f"shape {np.shape(found)}" if _is_numeric(found) else repr(found)
+        expected = f"must give a number for each of the {len(samples)} samples"
+        raise ModelError(f"{effect.name}: {way} {expected}; {given} given")
+    return np.asarray(found, float)
+
+
 def actuators_of(spec: mujoco.MjSpec, joint: str) -> list[Any]:
     """The actuators that act on a joint, and on no tendon, site or body that is called as it is."""
     import mujoco
@@ -196,20 +216,35 @@ def actuators_of(spec: mujoco.MjSpec, joint: str) -> list[Any]:
     return [a for a in spec.actuators if a.target == joint and a.trntype in on_joints]
 
 
-def _checked(effect: str, p: Parameter, value: Any, n: int) -> Value:
+def _numbers(effect: str, p: Parameter, value: Any) -> float | NDArray[np.float64] | None:
+    """A value that is given as a number, or several as an array; ModelError where it is neither."""
+    if value is None or isinstance(value, float):
+        return value
+    try:
+        if _is_numeric(value):
+            return np.asarray(value, float)
+    except (ValueError, OverflowError):  # lists of different lengths, a whole number beyond any float
+        pass
+    expected = "a list of numbers" if p.per_element else "a number"
+    raise ModelError(f"{effect}.{p.name} must be {expected} [{p.unit}]; {value!r} given")
+
+
+def _is_numeric(value: Any) -> bool:
+    """Whether something is a number, or an array or a list of numbers; NumPy takes text and True for numbers too."""
+    if isinstance(value, list | tuple):
+        return all(isinstance(x, float) or _is_numeric(x) for x in value)
+    return is_number(value) or np.asarray(value).dtype.kind in "iuf"
+
+
+def _checked(effect: str, p: Parameter, value: float | NDArray[np.float64] | None, n: int) -> Value:
     if value is None:
-        value = (p.default,) * n if p.per_element else p.default
-        if p.share:
-            value = (1.0 / n,) * n
+        value = np.full(n, 1.0 / n if p.share else p.default) if p.per_element else p.default
     # Most are one number, of which NumPy's checks are dear.
     if isinstance(value, float) and not p.per_element and math.isfinite(value) and p.lower <= value <= p.upper:
         return float(value)
-    try:
-        array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{effect}.{p.name} must be a number [{p.unit}]; {value!r} given") from None
+    array = np.asarray(value, float)
     if array.ndim > 1 or (array.ndim == 1 and not p.per_element):
-        raise ModelError(f"{effect}.{p.name} must be one number [{p.unit}]; {value!r} given")
+        raise ModelError(f"{effect}.{p.name} must be one number [{p.unit}]; {array.tolist()!r} given")
     bad = (array < p.lower) | (array > p.upper) | np.isinf(array)
     if bad.any():
         wrong = float(np.atleast_1d(array)[np.atleast_1d(bad)][0])

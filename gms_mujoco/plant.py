@@ -9,6 +9,7 @@ import os
 import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import date, time
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import effects, native
-from .effect import Effect
-from .errors import ModelError, listing
+from .effect import Effect, passed
+from .errors import ModelError, is_number, listing
 from .files import MODELS, write_text
 from .parameter import WAVES, Parameter
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 JOINT_KINDS = ("hinge", "slide")
 _MOST_DIGITS = 7  # of a value that is told
+_ROUNDED = 1e-4  # of an entry of a covariance, by the digits of files
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,13 @@ class Plant:
         if self.kind not in JOINT_KINDS:
             raise ModelError(f"joint kind must be one of {listing(JOINT_KINDS)}; {self.kind!r} given")
         if self.inertia is not None:
-            try:
-                object.__setattr__(self, "inertia", float(self.inertia))
-            except (TypeError, ValueError, OverflowError):
-                raise ModelError(f"inertia must be a number [kg m^2]; {self.inertia!r} given") from None
-            if not (math.isfinite(self.inertia) and self.inertia > 0):
+            if not is_number(self.inertia):
+                raise ModelError(f"inertia must be a number [kg m^2]; {self.inertia!r} given")
+            if not (_is_finite(self.inertia) and self.inertia > 0):
                 raise ModelError(f"inertia must be a positive number [kg m^2]; {self.inertia!r} given")
+            object.__setattr__(self, "inertia", float(self.inertia))
+        if not isinstance(self.inertia_known, bool):
+            raise ModelError(f"inertia_known must be true or false; {self.inertia_known!r} given")
         names = [e.name for e in self.effects]
         for name in names:
             if names.count(name) > 1:
@@ -150,7 +153,7 @@ class Plant:
         if self.drive:
             time = np.asarray(sample_time / parts * np.arange(len(torque)), float)
             for effect in self.drive:
-                torque = effect.deliver(time, torque)
+                torque = passed(effect, "deliver", time, torque)
         return torque
 
     def numbers(self) -> dict[str, tuple[float, str]]:
@@ -295,12 +298,16 @@ class Plant:
                 value = e.values[p.name]
                 text = f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
                 lines.append(f"{p.name} = {text}  # {self._unit(p)}, {p.doc}")
-        if self.uncertainty:
+        numbers = self.numbers()  # an effect that was taken away or exchanged has left what was known of it behind
+        intervals = {k: ends for k, ends in self.uncertainty.items() if k in numbers}
+        if intervals:
             lines += ["", "[uncertainty]  # 95 % intervals"]
-            lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in self.uncertainty.items()]
-        if self.covariance:
+            lines += [f'"{k}" = [{float(lo)!r}, {float(hi)!r}]' for k, (lo, hi) in intervals.items()]
+        known = [k in numbers for k in self.covariance]
+        if any(known):
             lines += ["", "[covariance]  # of logarithms where values are positive, of log-ratios of shares"]
-            lines += [f'"{k}" = [{", ".join(f"{x:.12g}" for x in row)}]' for k, row in self.covariance.items()]
+            rows = {k: itertools.compress(row, known) for k, row in self.covariance.items() if k in numbers}
+            lines += [f'"{k}" = [{", ".join(f"{x:.12g}" for x in row)}]' for k, row in rows.items()]
         if self.provenance:
             lines += ["", "[provenance]"]
             lines += [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in self.provenance.items()]
@@ -314,7 +321,7 @@ class Plant:
             path: of the file, or the name of a plant that comes with the package, such as "arm_joint".
 
         Raises:
-            ModelError: the file is missing, is not TOML, or names what does not exist.
+            ModelError: the file is missing, is not TOML, names what does not exist, or has a value that cannot be.
         """
         preset = MODELS / f"{path}.toml"
         path = preset if preset.is_file() else Path(path)
@@ -323,7 +330,7 @@ class Plant:
         except FileNotFoundError:
             presets = listing(p.stem for p in MODELS.glob("*.toml"))
             raise ModelError(f"{path}: no such file; plants that come with the package are {presets}") from None
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise ModelError(f"{path}: not a readable TOML file ({error})") from None
         try:
             return cls.from_table(table)
@@ -332,35 +339,42 @@ class Plant:
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> Plant:
-        """A plant from the contents of `model.toml`."""
+        """A plant from the contents of `model.toml`; raises ModelError where they are none, see `load`."""
         _only(table, ("axis", "effects", "uncertainty", "covariance", "provenance"), "table")
         axis = _table(table, "axis")
         _only(axis, ("inertia", "kind", "inertia_known"), "key in [axis]")
         inertia = axis.get("inertia")
-        if inertia is not None and (isinstance(inertia, bool) or not isinstance(inertia, int | float)):
+        if inertia is not None and not is_number(inertia):
             raise ModelError(f"axis.inertia must be a number [kg m^2]; {inertia!r} given")
+        known = axis.get("inertia_known", inertia is not None)
+        if known is True and inertia is None:
+            raise ModelError("axis.inertia_known is true, but axis.inertia [kg m^2] is not given")
         built = []
         for name, values in _table(table, "effects").items():
             if not isinstance(values, Mapping):
                 raise ModelError(f"effects.{name} must be a table of parameters; {values!r} given")
             kind = effects.find(name)
-            known = [p.name for p in kind.parameters]
+            names = [p.name for p in kind.parameters]
             for key in values:
-                if key not in known:
-                    raise ModelError(f"{name} has no parameter {key!r}; its parameters are {listing(known)}")
+                if key not in names:
+                    raise ModelError(f"{name} has no parameter {key!r}; its parameters are {listing(names)}")
             built.append(kind(**values))
-        band = _table(table, "provenance").get("bandwidth", 1.0)
-        if isinstance(band, bool) or not isinstance(band, int | float) or not 0 < band < math.inf:
-            raise ModelError(f"provenance.bandwidth must be a positive number [Hz]; {band!r} given")
-        return cls(
+        uncertainty, covariance = _table(table, "uncertainty"), _table(table, "covariance")
+        plant = cls(
             inertia,
             tuple(built),
             axis.get("kind", "hinge"),
-            bool(axis.get("inertia_known", inertia is not None)),
-            {k: _interval(k, v) for k, v in _table(table, "uncertainty").items()},
-            dict(_table(table, "provenance")),
-            _covariance(_table(table, "covariance")),
+            known,
+            {k: _interval(k, v) for k, v in uncertainty.items()},
+            _provenance(_table(table, "provenance")),
+            _covariance(covariance),
         )
+        numbers = plant.numbers()
+        for key, told in (("uncertainty", uncertainty), ("covariance", covariance)):
+            for name in told:
+                if name not in numbers:
+                    raise ModelError(f"{key} of {name!r}, which the plant does not have; it has {listing(numbers)}")
+        return plant
 
 
 def _telling_digits(value: float, interval: tuple[float, float] | None) -> int:
@@ -401,22 +415,50 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _interval(key: str, value: Any) -> tuple[float, float]:
-    try:
-        low, high = value
-        return float(low), float(high)
-    except (TypeError, ValueError):
-        raise ModelError(f"uncertainty.{key} must be an interval [low, high]; {value!r} given") from None
+    """An interval; the value need not lie in it, for percentiles of a bootstrap may lie beside an estimate."""
+    is_pair = isinstance(value, list | tuple) and len(value) == 2
+    if is_pair and all(_is_finite(x) or x in (-math.inf, math.inf) for x in value) and value[0] <= value[1]:
+        return float(value[0]), float(value[1])
+    raise ModelError(f"uncertainty.{key} must be an interval [low, high]; {value!r} given")
 
 
 def _covariance(table: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
-    try:
-        rows = {k: tuple(float(x) for x in row) for k, row in table.items()}
-        matrix = np.array(list(rows.values()), float).reshape(len(rows), len(rows))
-    except (TypeError, ValueError):
-        raise ModelError(f"covariance must have {len(table)} numbers in each of its {len(table)} rows") from None
-    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-4) or (np.diag(matrix) < 0).any():
-        raise ModelError("covariance must be a symmetric matrix of finite numbers, none on its diagonal below 0")
+    n = len(table)
+    for row in table.values():
+        if not (isinstance(row, list | tuple) and len(row) == n and all(map(_is_finite, row))):
+            raise ModelError(f"covariance must have {n} finite numbers in each of its {n} rows; {row!r} given")
+    rows = {k: tuple(map(float, row)) for k, row in table.items()}
+    matrix = np.array(list(rows.values()), float).reshape(n, n)
+    if not np.allclose(matrix, matrix.T, rtol=_ROUNDED) or (np.diag(matrix) < 0).any():
+        raise ModelError("covariance must be a symmetric matrix, with no number on its diagonal below 0")
+    sigma = np.sqrt(np.diag(matrix))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    correlation = matrix / scale / scale[:, None]
+    if n and np.linalg.eigvalsh((correlation + correlation.T) / 2)[0] < -n * _ROUNDED:
+        raise ModelError("covariance must be positive semidefinite; these numbers are no covariance of anything")
     return rows
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether something is a finite number that a float can hold, as not every whole number is."""
+    try:
+        return is_number(value) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _provenance(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Anything; but by these keys records are looked at as those of the fit were."""
+    for key, fits, expected in (
+        ("bandwidth", lambda v: _is_finite(v) and v > 0, "a positive number [Hz]"),
+        ("clock_skew", _is_finite, "a number [s]"),
+        ("time_steps", lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(x in (-1, 0, 1) for x in v),
+         "three numbers out of -1, 0, 1"),
+        ("rests_unasked", lambda v: isinstance(v, bool), "true or false"),
+    ):  # fmt: skip
+        if key in table and not fits(table[key]):
+            raise ModelError(f"provenance.{key} must be {expected}; {table[key]!r} given")
+    return dict(table)
 
 
 def _toml_key(key: str) -> str:
@@ -432,5 +474,9 @@ def _toml_value(value: Any) -> str:
         return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{_toml_key(str(k))} = {_toml_value(v)}' for k, v in value.items())}}}"
+    if isinstance(value, date | time):  # a datetime is a date
+        return value.isoformat()
     # The escapes of JSON are those of TOML, which wants one more.
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from .effect import LOADED
+from .effect import LOADED, passed
 from .errors import DataError, ModelError, is_number
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
@@ -129,7 +129,7 @@ def simulate(
     # The time steps add h v to the position with the v at their end: it runs half a step ahead of the velocity.
     seen = reached - sample_time / substeps / 2 * (speed - velocity)
     for effect in plant.effects:
-        seen = effect.read(time, seen)
+        seen = passed(effect, "read", time, seen)
     read = _read(seen, position_noise, resolution, rng)
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}

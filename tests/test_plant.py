@@ -1,15 +1,19 @@
 """A Plant is a value: adding makes another, and a file of it is it."""
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from gms_mujoco import effects
+from gms_mujoco.effect import Effect
 from gms_mujoco.errors import GmsError, ModelError
 from gms_mujoco.files import MODELS
 from gms_mujoco.plant import Plant
@@ -19,6 +23,7 @@ GMS = effects.find("gms")(
 )
 VISCOUS = effects.find("viscous")(coefficient=2e-5)
 PLANT = Plant.axis(2.4e-5) + GMS + VISCOUS
+VISCOUS_FILE = "[axis]\ninertia = 1.0\n[effects.viscous]\ncoefficient = 0.1\n"
 anyhow = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -57,8 +62,35 @@ def test_a_file_of_a_plant_is_the_plant(tmp_path: Path) -> None:
         ("effects = 3\n", "effects must be a table"),
         ("[effects]\nviscous = 3\n", "effects.viscous must be a table"),
         ("[axis\n", "not a readable TOML file"),
-        ("[uncertainty]\ninertia = 3\n", "uncertainty"),
+        ("[effects.viscous]\ncoefficient = true\n", "viscous.coefficient must be a number.*True given"),
+        ('[effects.viscous]\ncoefficient = "0.1"\n', "viscous.coefficient must be a number.*'0.1' given"),
+        (f"[effects.viscous]\ncoefficient = {'9' * 400}\n", "viscous.coefficient must be a number"),
+        ("[effects.viscous]\ncoefficient = [0.1]\n", r"viscous.coefficient must be one number.*\[0.1\] given"),
+        ("[effects.gms]\nstiffness = [true, 2.0]\n", "gms.stiffness must be a list of numbers"),
+        ('[effects.gms]\nstiffness = ["1.0", "2.0"]\n', "gms.stiffness must be a list of numbers"),
+        ("[effects.gms]\nstiffness = [[1.0], [1.0, 2.0]]\n", "gms.stiffness must be a list of numbers"),
+        (f"[axis]\ninertia = {'9' * 400}\n", "inertia must be a positive number"),
+        (f"[axis]\ninertia = {'9' * 9999}\n", "not a readable TOML file"),
+        ('[axis]\ninertia = 1.0\ninertia_known = "no"\n', "inertia_known must be true or false; 'no' given"),
+        ("[axis]\ninertia_known = true\n", r"inertia_known is true, but axis.inertia \[kg m\^2\] is not given"),
+        ("[uncertainty]\ninertia = 3\n", "uncertainty.inertia must be an interval"),
+        *(
+            (f'{VISCOUS_FILE}[uncertainty]\n"viscous.coefficient" = {ends}\n', "must be an interval")
+            for ends in ("[0.2, 0.1]", "[nan, nan]", "[true, true]", '["0.1", "0.2"]', '"12"', "[0.1, 0.2, 0.3]")
+        ),
+        (f'{VISCOUS_FILE}[uncertainty]\n"viscous.drag" = [0, 1]\n', "'viscous.drag'.*it has inertia, viscous"),
+        (f'{VISCOUS_FILE}[uncertainty]\n"viscous.coefficient[7]" = [0, 1]\n', r"'viscous.coefficient\[7\]'"),
+        (f'{VISCOUS_FILE}[covariance]\n"viscous.drag" = [1.0]\n', "covariance of 'viscous.drag'"),
+        (f'{VISCOUS_FILE}[covariance]\n"viscous.coefficient" = [true]\n', "covariance must have 1 finite numbers"),
+        (f'{VISCOUS_FILE}[covariance]\n"viscous.coefficient" = [1.0, 2.0]\n', "covariance must have 1 finite numbers"),
+        ("[covariance]\ninertia = [1.0, 0.5]\nx = [0.1, 1.0]\n", "covariance must be a symmetric matrix"),
+        ("[covariance]\ninertia = [1.0, 5.0]\nx = [5.0, 1.0]\n", "covariance must be positive semidefinite"),
+        ("[covariance]\ninertia = [0.0, 5.0]\nx = [5.0, 1.0]\n", "covariance must be positive semidefinite"),
         ('[provenance]\nbandwidth = "high"\n', "provenance.bandwidth"),
+        ('[provenance]\nclock_skew = "x"\n', "provenance.clock_skew must be a number"),
+        ("[provenance]\nclock_skew = [1, 2]\n", "provenance.clock_skew must be a number"),
+        ("[provenance]\ntime_steps = 3\n", "provenance.time_steps must be three numbers out of -1, 0, 1"),
+        ('[provenance]\nrests_unasked = "no"\n', "provenance.rests_unasked must be true or false"),
     ],
 )
 def test_a_wrong_file_is_named_with_what_was_expected(text: str, message: str, tmp_path: Path) -> None:
@@ -153,6 +185,75 @@ def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
     assert again == plant and again.provenance == {"a b": 0.1, "c": [0, 1], "d": "\x7f"}
     with pytest.raises(ModelError, match="inertia must be a number"):
         Plant.axis("heavy")  # type: ignore[arg-type]
+
+
+@given(st.booleans() | st.text(max_size=4) | st.just("0.1") | st.lists(st.booleans(), min_size=1) | st.dates())
+def test_what_is_no_number_is_not_taken_for_one(value: object) -> None:
+    """NumPy takes text and True for numbers."""
+    for build in (
+        Plant.axis,
+        lambda v: effects.Coulomb(coulomb=v),
+        lambda v: effects.Coulomb(coulomb=np.asarray(v)),
+        lambda v: GMS.replace(stiffness=[v, 2.0]),
+    ):
+        with pytest.raises(ModelError, match="must be a"):
+            build(value)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int64, int, float, np.asarray])
+def test_every_kind_of_number_is_one(kind: Callable[[int], object]) -> None:
+    assert effects.Coulomb(coulomb=kind(2)) == effects.Coulomb(coulomb=2.0)
+    for stiffness in ([kind(2), 1], np.array([2, 1]), (2.0, 1.0)):
+        assert GMS.replace(stiffness=stiffness).stiffness == (2.0, 1.0)
+
+
+@anyhow
+@given(elements=st.integers(1, 8), seed=st.integers(0, 2**32 - 1), rank=st.integers(0, 3))
+def test_the_covariance_of_a_fit_is_read_back(elements: int, seed: int, rank: int, tmp_path: Path) -> None:
+    """Whatever its scales and its rank: rounding makes eigenvalues that are zero a little negative."""
+    stiff = effects.find("gms")(elements, coulomb=1.0, static=1.0, stribeck_velocity=1.0, attraction=1.0)
+    plant = Plant.axis(1.0) + stiff.replace(stiffness=[1.0] * elements)
+    names = [name for name in plant.numbers() if name != "inertia"]
+    rng = np.random.default_rng(seed)
+    part = rng.standard_normal((len(names), rank)) * 10.0 ** rng.uniform(-12, 6, (len(names), 1))
+    rows = dict(zip(names, map(tuple, (part @ part.T).tolist()), strict=True))
+    replace(plant, covariance=rows).save(tmp_path / "model.toml")
+    read = Plant.load(tmp_path / "model.toml").covariance
+    assert list(read) == names and np.allclose([read[k] for k in names], [rows[k] for k in names], rtol=1e-11, atol=0)
+
+
+def test_what_was_known_of_an_effect_goes_with_it(tmp_path: Path) -> None:
+    rows = {"gms.coulomb": (2.0, 0.1, 0.5), "viscous.coefficient": (0.1, 3.0, 0.2), "gms.static": (0.5, 0.2, 4.0)}
+    told = replace(PLANT, uncertainty={"gms.coulomb": (4e-3, 5e-3), "viscous.coefficient": (0, 1)}, covariance=rows)
+    told.without("viscous").save(tmp_path / "model.toml")
+    read = Plant.load(tmp_path / "model.toml")
+    assert read.uncertainty == {"gms.coulomb": (4e-3, 5e-3)}
+    assert read.covariance == {"gms.coulomb": (2.0, 0.5), "gms.static": (0.5, 4.0)}
+
+
+plain = st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(st.characters(exclude_categories=["Cs"]))
+dated = st.dates() | st.times() | st.datetimes(timezones=st.none() | st.just(UTC))
+short_keys = st.text("ab .é", max_size=3)
+toml_values = st.recursive(
+    plain | dated, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(short_keys, inner, max_size=3)
+)
+
+
+@given(st.dictionaries(st.text("abc -", max_size=4), toml_values, max_size=4))
+def test_the_provenance_is_kept_as_toml_can_hold_it(told: dict[str, object]) -> None:
+    assert Plant.from_table(tomllib.loads(replace(PLANT, provenance=told).to_toml())).provenance == told
+
+
+@pytest.mark.parametrize("given_back", [lambda command: command[:-1], lambda command: 0.5, lambda command: None])
+def test_a_drive_that_gives_no_torque_for_each_sample_is_named(given_back: Callable[[object], object]) -> None:
+    class Odd(Effect):
+        name, kind, parameters = "odd", "drive", ()
+
+        def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
+            return given_back(command)  # type: ignore[return-value]
+
+    with pytest.raises(ModelError, match=r"odd: deliver must give a number for each of the 20 samples; .* given"):
+        (PLANT + Odd()).delivered(np.zeros(10), 1e-3, 2)
 
 
 def test_a_number_that_is_no_parameter_is_not_swallowed() -> None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from .. import native
 from ..comparison.score import TORQUE
-from ..effect import Effect
+from ..effect import Effect, passed
 from ..logs.encoder import between_counts
 from ..native import series
 from ..plant import Plant
@@ -280,7 +280,7 @@ class Observation:
         def corrected() -> Observation:
             position = self._read
             for effect in reversed(sensors):
-                position = effect.correct(self.record.time, position)
+                position = passed(effect, "correct", self.record.time, position)
             return self.again(position)
 
         return kept(self._corrected, sensors, corrected)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effect import Effect
+from ..effect import Effect, passed
 from ..identification.grid import Grid
 from ..native import Joint
 from ..plant import Plant
@@ -132,7 +132,7 @@ class Sines(ABC):
                 phase = np.arange(SAMPLES * periods) / SAMPLES
                 torque = size * np.cos(2 * math.pi * phase)
                 for effect in drive:
-                    torque = effect.deliver(phase / f, torque)
+                    torque = passed(effect, "deliver", phase / f, torque)
                 found = complex(fundamental(torque[None, -SAMPLES:])[0]) / size
                 if abs(found - last) < 1e-6:
                     break
@@ -150,7 +150,7 @@ class Sines(ABC):
         for i, f in enumerate(self.frequency):
             at[i] = position[i]
             for effect in reversed(sensors):
-                at[i] = effect.correct(np.arange(SAMPLES) / (SAMPLES * f), at[i])
+                at[i] = passed(effect, "correct", np.arange(SAMPLES) / (SAMPLES * f), at[i])
         spectrum = np.fft.rfft(at, axis=1)
         return at, velocity(spectrum, self.omega), fundamental(at)
 
