@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import pydoc
+import types
 import warnings
 
 import mujoco
@@ -11,6 +13,7 @@ import pytest
 from gms_mujoco import effects, engine
 from gms_mujoco.effect import KINDS, Effect
 from gms_mujoco.errors import ModelError
+from gms_mujoco.parameter import Parameter
 from gms_mujoco.plant import Plant
 from gms_mujoco.responses import harmonics
 from gms_mujoco.responses.harmonics import ORDERS, SAMPLES
@@ -53,6 +56,61 @@ def test_says_what_it_is(name):
         assert p.unit and p.doc
         assert p.lower < p.upper
         assert math.isnan(p.default) or p.lower <= p.default <= p.upper
+
+
+@EVERY
+def test_help_has_the_equation_and_every_parameter(name):
+    kind = effects.find(name)
+    shown = pydoc.plain(pydoc.render_doc(kind))
+    assert kind.doc.splitlines()[0] in shown
+    for p in kind.parameters:
+        assert f" {p.name}: {p.doc} [{p.unit}]" in shown
+
+
+def declared(**changed):
+    """A module with one effect, as a file NAME.py of the catalogue, with some declarations changed or, None, left out.
+    """
+    whole = {"name": "mine", "kind": "drive", "doc": "d", "signature": "s", "experiment": "e"}
+    whole |= {"parameters": (Parameter("k", "1", 0.0, lower=0.0, upper=1.0),)} | changed
+    module = types.ModuleType("mine")
+    module.Mine = type("Mine", (Effect,), {k: v for k, v in whole.items() if v is not None})
+    return module
+
+
+def test_a_file_with_an_effect_of_its_name_is_one():
+    assert effects.of_module(declared(), "effects/mine.py", "mine").__name__ == "Mine"
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"name": "other"}, "subclass of Effect with name = 'mine', that of the file, .* in it are other"),
+        ({"kind": "bogus"}, "kind of an effect is one of controller, drive, .*; 'bogus' given"),
+        *(({key: None}, f"Mine does not declare its {key}") for key in ("kind", "doc", "signature", "parameters")),
+        ({"parameters": (Parameter("k", "1", 5.0, lower=0.0, upper=1.0),)}, r"of k must lie in \[0, 1\]; 5 given"),
+        ({"parameters": (Parameter("k", "1", lower=1.0, upper=0.0),)}, r"k must have lower below upper; \[1, 0\]"),
+        ({"parameters": (Parameter("k", "1", lower=math.nan),)}, "k must have lower below upper"),
+        ({"parameters": (Parameter("k", "1"), Parameter("k", "1"))}, "'k' is no name of a parameter"),
+        ({"parameters": (Parameter("values", "1"),)}, "'values' is no name of a parameter"),
+        ({"parameters": (Parameter("read", "1"),)}, "'read' is no name of a parameter"),
+    ],
+)
+def test_a_file_that_declares_no_whole_effect_is_named(changed, message):
+    with pytest.raises(ModelError, match=f"effects/mine.py: .*{message}"):
+        effects.of_module(declared(**changed), "effects/mine.py", "mine")
+
+
+def test_two_effects_of_one_name_are_refused(monkeypatch):
+    """A file beside a .cc file of that name, and a class of the name of another: one of them would be hidden."""
+    found = [types.SimpleNamespace(name="viscous")]
+    monkeypatch.setattr(effects.pkgutil, "iter_modules", lambda path: found)
+    with pytest.raises(ModelError, match=r"effects/viscous.py: an effect of that name stands in effects/viscous.cc"):
+        effects.catalogue()
+    found[0].name, module = "mine", declared()
+    module.Mine.__name__ = "Viscous"
+    monkeypatch.setattr(effects.importlib, "import_module", lambda name: module)
+    with pytest.raises(ModelError, match="mine and viscous have classes of one name, Viscous"):
+        effects.catalogue()
 
 
 @EVERY
