@@ -205,6 +205,13 @@ def _warn(joint: Any, plant: Plant) -> None:
             "positions are exact",
             stacklevel=4,
         )
+    faceless = [e.name for e in plant.effects if type(e).edit is Effect.edit and not e.is_native and e.kind != "sensor"]
+    if faceless:
+        warnings.warn(
+            f"{', '.join(faceless)} is left out of joint {joint.name!r}: it has no `edit`, which would make the same "
+            "happen in MuJoCo",
+            stacklevel=4,
+        )
     twice = {"frictionloss": bool(friction), "damping": "viscous" in friction}
     for key, counts in twice.items():
         value = float(np.max(np.abs(getattr(joint, key))))

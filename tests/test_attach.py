@@ -10,8 +10,10 @@ import pytest
 from axes import AXIS, BEARING, DRY, axis, run, stick_slip
 
 from gms_mujoco import effects, engine
+from gms_mujoco.effect import Effect
 from gms_mujoco.errors import EngineError, ModelError
 from gms_mujoco.mjcf import plant_of_joint
+from gms_mujoco.parameter import Parameter
 from gms_mujoco.plant import Plant
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
@@ -25,6 +27,24 @@ def test_attach_takes_a_path_a_text_a_spec_and_patterns(tmp_path):
     spec = mujoco.MjSpec.from_string(AXIS)
     BEARING.attach(spec, joint="shaft")
     assert spec.compile().nplugin == 1
+
+
+def test_an_effect_that_mujoco_does_not_get_is_told():
+    class Weak(Effect):
+        name, kind, parameters = "weak", "drive", (Parameter("share", "1", 0.0),)
+
+        def deliver(self, time, command):
+            return command * (1 - self.share)
+
+    class Strong(Weak):
+        name = "strong"
+
+        def edit(self, spec, joint):
+            pass
+
+    with pytest.warns(UserWarning, match=r"weak is left out of joint 'shaft': it has no `edit`") as told:
+        engine.attach(AXIS, {"shaft": BEARING + Weak(share=0.1) + Strong(share=0.1)})
+    assert len(told) == 1
 
 
 def test_prefix_and_suffix_follow_when_a_model_joins_another():
