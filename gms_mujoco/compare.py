@@ -259,10 +259,11 @@ def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = Non
 
     Raises:
         ModelError: a parameter has no value, or the plant takes a goal and the data have torques, or the reverse.
-        DataError: there is nothing to compare with.
+        DataError: there is nothing to compare with, or the bandwidth is no positive number.
     """
     driven(plant, data).complete()
-    bandwidth = bandwidth or plant.provenance.get("bandwidth")
+    if bandwidth is None:
+        bandwidth = plant.provenance.get("bandwidth")
     observations = observe(loaded(data, plant), plant.inertia, bandwidth, plant)
     found = compare_observations(plant, observations)
     if TOLD not in plant.provenance:

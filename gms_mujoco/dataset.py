@@ -135,6 +135,22 @@ def joints(path: str | Path) -> tuple[str, ...]:
         raise DataError(f"{file}: {error}") from None
 
 
+def files_of(path: str | Path) -> list[Path]:
+    """`dataset.toml` of a measurement set, and the files that it names: what is lost where a result is written over it.
+
+    Raises:
+        DataError: `dataset.toml` cannot be read.
+    """
+    file = find(path)
+    table = read_toml(file)
+    try:
+        entries = [*tables(table, "record"), *tables(table, "frf")]
+        names = [*(e.get("file") for e in entries), subtable(table, "axis").get("model")]
+    except DataError as error:
+        raise DataError(f"{file}: {error}") from None
+    return [file, *(file.parent / name for name in names if isinstance(name, str))]
+
+
 def load(path: str | Path, joint: str | None = None) -> Dataset:
     """Reads a measurement set.
 
@@ -182,7 +198,9 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
                             "move")  # fmt: skip
         if records and not any(r.torque.any() for r in records):
             raise DataError("torque is zero in every record; at least one must be driven")
-        if axis.in_amperes:
+        if axis.torque_constant is not None and not axis.has_current:
+            notes.append("axis.torque_constant is not used: no record and no response has a current")
+        elif axis.in_amperes:
             unit = "N m" if axis.joint.kind == "hinge" else "N"
             notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
         if axis.robot and records:

@@ -34,6 +34,12 @@ def test_the_true_plant_with_friction_is_at_the_floor(healthy: Comparison) -> No
     assert 0.8 * healthy.noise_floor < healthy.torque_error < 1.3 * healthy.noise_floor
 
 
+@pytest.mark.parametrize("bandwidth", [0, -1.0, math.nan, math.inf, True, "50"])
+def test_a_bandwidth_that_is_none_is_refused(bandwidth: float) -> None:
+    with pytest.raises(DataError, match=f"a bandwidth is a positive number of Hz; {bandwidth!r} given"):
+        compare(BARE, runs(BARE, seconds=1.0), bandwidth=bandwidth)
+
+
 @pytest.mark.parametrize(
     "other",
     [

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gms_mujoco import formats
-from gms_mujoco.dataset import Dataset, load, save
+from gms_mujoco.dataset import Dataset, files_of, load, save
 from gms_mujoco.errors import DataError
 from gms_mujoco.fit import baseline, fit
 from gms_mujoco.record import Record
@@ -434,6 +434,34 @@ def test_a_current_in_rows_that_are_not_the_drive_s_is_read_and_not_held(tmp_pat
         assert record.sensed == sensed
         if sensed:
             assert np.allclose(record.torque, 2 * np.sin(40 * record.time), atol=1e-3)
+
+
+def test_a_torque_constant_that_nothing_uses_is_told(tmp_path: Path) -> None:
+    """Not where one record or response of several has a current."""
+    formats.write(tmp_path / "amperes.csv", {"time": TIME, "current": np.cos(40 * TIME), "position": RUN["position"]})
+    other, frf = '[[record]]\nfile = "amperes.csv"\n', '[[frf]]\nfile = "frf.csv"\noutput = "position"\n'
+    (tmp_path / "frf.csv").write_text("f [Hz],real,imag\n1,2.0,-0.5\n2,1.0,-0.5\n30,-0.1,-0.01\n")
+    unused = "axis.torque_constant is not used: no record and no response has a current"
+    for entries, is_told in (
+        (RECORD, True),
+        (f'{RECORD}{frf}input = "torque"\n', True),
+        (RECORD + other, False),
+        (f'{RECORD}{frf}input = "current"\n', False),
+    ):
+        for constant in ("0.2", '"unknown"'):
+            notes = dataset(tmp_path, f"[axis]\ntorque_constant = {constant}\n{entries}").notes
+            assert (unused in notes) == is_told
+            assert any("torque stays in A" in note for note in notes) == (constant != "0.2" and not is_told)
+
+
+def test_the_files_of_a_set_are_those_that_it_names(tmp_path: Path) -> None:
+    text = '[axis]\nmodel = "arm.xml"\n[[record]]\nfile = "a/run.csv"\n[[frf]]\nfile = "b.uff"\n[[record]]\nfile = 3\n'
+    (tmp_path / "dataset.toml").write_text(text)
+    named = [tmp_path / name for name in ("dataset.toml", "a/run.csv", "b.uff", "arm.xml")]
+    assert set(files_of(tmp_path)) == set(files_of(tmp_path / "dataset.toml")) == set(named)
+    (tmp_path / "dataset.toml").write_text("record = 3\n")
+    with pytest.raises(DataError, match=r"dataset.toml: record must be written as \[\[record\]\]"):
+        files_of(tmp_path)
 
 
 def test_current_without_torque_constant_is_refused(tmp_path: Path) -> None:

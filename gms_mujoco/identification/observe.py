@@ -11,7 +11,7 @@ import numpy as np
 
 from ..dahl_resonance import identify_dahl
 from ..effect import LOADED
-from ..errors import DataError, ModelError
+from ..errors import DataError, ModelError, is_number
 from ..frf import FRF, usable
 from ..logs.plausible import filled
 from ..plant import Plant
@@ -107,8 +107,8 @@ def observe(
         DataError: there is nothing to look at, nothing that moves, the band is none or narrower than the records can
             show, or no response can be used and why.
     """
-    if bandwidth is not None and not 0 < bandwidth < math.inf:
-        raise DataError(f"a bandwidth is a positive number of Hz; {bandwidth:g} given")
+    if bandwidth is not None and not (is_number(bandwidth) and 0 < bandwidth < math.inf):
+        raise DataError(f"a bandwidth is a positive number of Hz; {bandwidth!r} given")
     servos = [d for d in data if isinstance(d, ServoRun)]
     if servos:
         if len(servos) < len(data):

@@ -36,6 +36,7 @@ class Axis:
         torque_constant: [N m/A], None where not given; 1 where it is unknown.
         load_acts: 1 or -1 where the logged load acts on the axis too, see `Record.with_acting_load`; 0 where not.
         in_amperes: the torque constant is unknown: torque stays in A.
+        has_current: whether a current was turned into torque.
 
     Raises:
         DataError: a key that does not exist, or that cannot be what it is given as.
@@ -75,7 +76,16 @@ class Axis:
                     raise DataError(f'axis.torque_constant = "unknown" leaves torque in A, which axis.{key} cannot be '
                                     "compared with; leave one of them out")
             own["torque_constant"] = 1.0
-        self.torque_constant = number(own, "torque_constant", "axis.", "N m/A" if kind == "hinge" else "N/A")
+        unit = "N m/A" if kind == "hinge" else "N/A"
+        self.torque_constant: float | None = number(own, "torque_constant", "axis.", unit)
+        self.has_current = False
+
+    def constant(self, asked: str) -> float:
+        """The torque constant, for a current that was found; raises DataError with `asked` where it is not given."""
+        if self.torque_constant is None:
+            raise DataError(asked)
+        self.has_current = True
+        return self.torque_constant
 
     def _robot(self, table: Mapping[str, Any], folder: Path, joint: str | None) -> Robot | None:
         if "model" not in table:

@@ -53,10 +53,9 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
             raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
         by_current = "current" in signals
         if by_current:
-            if axis.torque_constant is None:
-                raise DataError("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
-                                'or torque_constant = "unknown" to stay in A')
-            signals["torque"] = axis.torque_constant * signals.pop("current")
+            asked = ("the record has current, not torque: axis.torque_constant [N m/A] is needed, "
+                     'or torque_constant = "unknown" to stay in A')
+            signals["torque"] = axis.constant(asked) * signals.pop("current")
         if span is not None:
             kept = timing.within(signals["time"], span)
             signals = {k: v[kept] if len(v) == len(kept) else v for k, v in signals.items()}

@@ -43,9 +43,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
         # A current is turned into torque; then the amplitude is one of torque already.
         source, constant = entry["input"], 1.0
         if source == "current":
-            if axis.torque_constant is None:
-                raise DataError("the input is current, not torque: axis.torque_constant [N m/A] is needed")
-            constant = axis.torque_constant
+            constant = axis.constant("the input is current, not torque: axis.torque_constant [N m/A] is needed")
         amplitude = number(entry, "amplitude", "", drive_unit(source, axis.joint.kind) if source in INPUTS else "")
         scale = number(entry, "scale", "", "SI per raw number")
         if not os.path.isfile(folder / name):
