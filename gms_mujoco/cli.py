@@ -7,6 +7,7 @@ Exit codes: 0 done, 2 bad input (one line on stderr says which file, line or key
 from __future__ import annotations
 
 import argparse
+import errno
 import math
 import os
 import sys
@@ -18,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from . import effects, files
-from .dataset import Dataset, load
-from .errors import DataError, GmsError, ModelError
+from .dataset import Dataset, files_of, load
+from .errors import DataError, GmsError, ModelError, listing
 from .files import as_json
 from .plant import Plant
 from .progress import Bar
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 PROGRAM = "gms-mujoco"
 _MOST_ELEMENTS = 32
+_RESULTS = ("diagnosis.json", "baseline.toml", "model.toml", "report.html", "recording.rrd")  # of a diagnosis
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of writing, here without a name: what is printed
 _COHERENT = 0.5  # coherence below which a resonance may be noise or friction that has no amplitude of its own there
 
 
@@ -42,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     warnings.showwarning = _say_warning
     try:
         options = _parser().parse_args(arguments)
+        _expect_given(options)
         options.run(options)
         sys.stdout.flush()
     except GmsError as error:
@@ -51,8 +55,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{PROGRAM}: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of our output has left, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_no_more()
+    except OSError as error:
+        if error.filename is not None or error.errno not in _FULL:
+            raise
+        _print_no_more()
+        print(f"{PROGRAM}: what it prints cannot be written ({error.strerror})", file=sys.stderr)
+        return 2
     return 0
+
+
+def _print_no_more() -> None:
+    """Sends the rest nowhere, which would fail once more as the program ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _say_warning(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -203,11 +218,15 @@ def _fit(options: argparse.Namespace) -> None:
     count = options.elements
     if count not in (None, "auto") and not (count.isdecimal() and 0 < int(count) <= _MOST_ELEMENTS):
         raise ModelError(f"--elements must be auto or a number from 1 to {_MOST_ELEMENTS}; {count!r} given")
+    files.expect_apart([output], files_of(options.dataset))
     runs = _load(options)
     elements = int(count) if count not in (None, "auto") else 8
     plant = baseline(runs.inertia, runs.kind, elements, runs.controller)
     if options.effects is not None:
         plant = _chosen(plant, options.effects)
+    if count is not None and "gms" not in plant:
+        names = listing(e.name for e in plant.effects)
+        raise ModelError(f"--elements is of gms, which is not among the effects; they are {names}")
     auto = count == "auto" or (count is None and runs.frfs and not runs.records and "gms" in plant)
     with Bar() as bar:
         result = (choose_elements if auto else fit)(plant, runs.fit, progress=bar)
@@ -227,7 +246,8 @@ def _compare(options: argparse.Namespace) -> None:
     from .views.report import render_comparison
 
     output = files.expect_writable(options.json) if options.json else None
-    page = files.expect_writable(options.report) if options.report else None
+    page = _expect_suffix(options.report, ".html") if options.report else None
+    files.expect_apart(filter(None, (output, page)), [options.model, *files_of(options.dataset)])
     plant = Plant.load(options.model).complete()
     runs = _load(options)
     _expect_kind(plant, runs, options.model)
@@ -249,11 +269,13 @@ def _diagnose(options: argparse.Namespace) -> None:
     from .diagnose import diagnose
 
     extra = files.expect_writable(options.json) if options.json else None
+    folder = files.expect_folder(options.output)
+    written = [extra or folder / _RESULTS[0], *(folder / name for name in _RESULTS[1:])]
+    files.expect_apart(written, [*filter(None, [options.model]), *files_of(options.dataset)])
     plant = Plant.load(options.model) if options.model else None
     runs = _load(options)
     if plant is not None:
         _expect_kind(plant, runs, options.model)
-    folder = files.expect_folder(options.output)
     with Bar() as bar:
         result = diagnose(runs, plant, without=_names(options.without), progress=bar)
         files.make_folder(folder)
@@ -273,6 +295,8 @@ def _fleet(options: argparse.Namespace) -> None:
         if len(options.datasets) > 1:
             raise DataError(f"a bootstrap is of one measurement set; {len(options.datasets)} given")
         _expect_seed(options)
+        inputs = [*filter(None, [options.model]), *files_of(fleet.find_sets(options.datasets)[0])]
+        files.expect_apart([files.expect_folder(options.output) / "model.toml"], inputs)
         with Bar() as bar:
             found = fleet.bootstrap(options.datasets[0], options.output, plant, refits=options.refits,
                                     joint=options.joint, seed=options.seed, progress=bar, **how)  # fmt: skip
@@ -298,6 +322,8 @@ def _frf(options: argparse.Namespace) -> None:
     for key in ("period", "segment"):
         if getattr(options, key) is not None and not 0 < getattr(options, key) < math.inf:
             raise DataError(f"--{key} must be a positive number of seconds; {getattr(options, key):g} given")
+    if output:
+        files.expect_apart([output], files_of(options.dataset))
     runs = _load(options)
     found = list(runs.frfs)
     for record in runs.records:
@@ -359,6 +385,7 @@ def _attach(options: argparse.Namespace) -> None:
     from .engine import attach
 
     output = files.expect_writable(options.output)
+    files.expect_apart([output], [options.model, options.robot])
     plant = Plant.load(options.model)
     spec = attach(options.robot, {name: plant for name in options.joint})
     _keep_assets(spec, Path(options.robot), output)
@@ -434,6 +461,13 @@ def _compiled(path: str) -> mujoco.MjModel:
 # What the commands share.
 
 
+def _expect_given(options: argparse.Namespace) -> None:
+    """Raises GmsError where an empty text was given: a variable of the shell that is not set."""
+    for key, value in vars(options).items():
+        if value == "" and key not in ("effects", "elements", "without"):  # which say themselves what they want
+            raise GmsError(f"{key} is empty; expected a name")
+
+
 def _expect_seed(options: argparse.Namespace) -> None:
     if options.seed < 0:
         raise GmsError(f"the seed must not be negative; {options.seed} given")
@@ -459,6 +493,8 @@ def _chosen(baseline: Plant, names: str) -> Plant:
     """The axis of the baseline with the named effects, set up as in the baseline where it has them."""
     plant = replace(baseline, effects=tuple(e for e in baseline.effects if e.kind == "controller"))
     for name in _names(names):
+        if _names(names).count(name) > 1:
+            raise ModelError(f"--effects names {name} twice; an effect stands in a plant once")
         if name in plant:
             continue
         plant += baseline[name] if name in baseline else effects.find(name)()
@@ -482,11 +518,12 @@ def _write_diagnosis(folder: Path, diagnosis: Diagnosis) -> None:
     from .views.report import render
     from .views.tour import write_recording
 
-    files.write_text(folder / "diagnosis.json", as_json(diagnosis.to_dict()))
-    diagnosis.baseline.save(folder / "baseline.toml")
-    diagnosis.plant.save(folder / "model.toml")
-    files.write_text(folder / "report.html", render(diagnosis))
-    write_recording(folder / "recording.rrd", diagnosis)
+    table, baseline, plant, page, recording = (folder / name for name in _RESULTS)
+    files.write_text(table, as_json(diagnosis.to_dict()))
+    diagnosis.baseline.save(baseline)
+    diagnosis.plant.save(plant)
+    files.write_text(page, render(diagnosis))
+    write_recording(recording, diagnosis)
 
 
 def _say_results(folder: Path) -> None:

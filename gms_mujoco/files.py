@@ -4,7 +4,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,12 +61,32 @@ def expect_writable(path: str | Path) -> Path:
     return path
 
 
+def expect_apart(outputs: Iterable[Path], inputs: Iterable[str | Path]) -> None:
+    """Raises GmsError where a file to be written later is one that is read, or one that is written already."""
+    read, written = list(map(Path, inputs)), list[Path]()
+    for path in outputs:
+        if any(_is_same(path, other) for other in read):
+            raise GmsError(f"{path}: is read here, and would be lost; expected the name of another file to write")
+        if any(_is_same(path, other) for other in written):
+            raise GmsError(f"{path}: is given for two files to write; expected a name for each")
+        written.append(path)
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, there or not."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return one.resolve() == other.resolve()
+
+
 def _followed(path: str | Path) -> Path:
     """The path of a file to be written, behind symbolic links; GmsError where it is neither a file nor free."""
     path = Path(path)
     try:
-        path = path.resolve() if path.is_symlink() else path
+        # Before the link of a pipe, /dev/stdout say, which leads to no path.
         other = path.exists() and not path.is_file() and not path.is_dir()
+        path = path.resolve() if path.is_symlink() and not other else path
     except OSError as error:  # a name that is too long, links that go round
         raise GmsError(f"{path}: cannot be written ({error.strerror or error})") from None
     if other:

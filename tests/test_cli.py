@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -178,6 +179,78 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
 @pytest.mark.parametrize(
     "argv",
     [
+        "fit SET -o SET/fit.csv",
+        "fit SET -o SET/dataset.toml",
+        "compare SET/model.toml SET --json SET/model.toml",
+        "compare SET/model.toml SET --report SET/link.html",
+        "frf SET -o SET/validate.csv",
+        "attach SET/model.toml SET/robot.xml --joint elbow -o SET/robot.xml",
+        "attach SET/model.toml SET/robot.xml --joint elbow -o SET/model.toml",
+        "diagnose SET --model SET/model.toml -o SET",
+        "diagnose SET -o SET/out --json SET/dataset.toml",
+        "fleet SET --verb bootstrap --model SET/model.toml -o SET",
+    ],
+)
+def test_what_is_read_is_not_written_over(
+    argv: str, small_set: Path, model: Path, robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(small_set, folder)
+    shutil.copy(model, folder), shutil.copy(robot, folder)
+    (folder / "link.html").symlink_to("dataset.toml")
+    before = {p: p.read_bytes() for p in folder.iterdir()}
+    refuses(capsys, "is read here, and would be lost", argv=argv.replace("SET", str(folder)).split())
+    assert {p: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_two_results_go_into_two_files(
+    model: Path, small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = tmp_path / "both.html"
+    for argv in (
+        ["compare", model, small_set, "--json", both, "--report", both],
+        ["diagnose", small_set, "-o", tmp_path, "--json", tmp_path / "report.html"],
+    ):
+        refuses(capsys, "is given for two files to write", argv=argv)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["model.toml"]
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        ("compare MODEL SET --json EMPTY", "json is empty; expected a name"),
+        ("diagnose SET -o EMPTY", "output is empty; expected a name"),
+        ("compare MODEL SET --report page.png", "page.png: expected the name of a .html file"),
+        ("fit SET --effects coulomb,viscous,coulomb -o out.toml", "--effects names coulomb twice"),
+        ("fit SET --effects coulomb --elements 3 -o out.toml", "--elements is of gms, which is not among the effects"),
+    ],
+)
+def test_no_argument_is_passed_over(
+    argv: str, words: str, model: Path, small_set: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    given = {"MODEL": model, "SET": small_set, "EMPTY": ""}
+    refuses(capsys, words, argv=[given.get(a, a) for a in argv.split()])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["model.toml"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_disk_that_is_full_is_one_line(unbuffered: str, model: Path, small_set: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": unbuffered}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gms_mujoco", "compare", str(model), str(small_set)],
+            stdout=full, stderr=subprocess.PIPE, text=True, env=environment,
+        )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[1:] == ["gms-mujoco: what it prints cannot be written (No space left on device)"]
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
         ["demo", "--seed", "-1"],
         ["train", "--generations", "0"],
         ["train", "--plant", "nope"],
@@ -289,12 +362,14 @@ def test_view_keeps_the_motion_of_a_model(tmp_path: Path) -> None:
     assert kept.stat().st_size > 1000
 
 
-def test_interrupting_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_interrupting_is_no_traceback(
+    small_set: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def interrupted(path: str, joint: str | None) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cli, "load", interrupted)
-    assert cli.main(["fit", "x", "-o", "y.toml"]) == 130
+    assert cli.main(["fit", str(small_set), "-o", "y.toml"]) == 130
     assert capsys.readouterr().err == "gms-mujoco: interrupted\n"
 
 

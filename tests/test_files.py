@@ -61,6 +61,34 @@ def test_what_is_no_regular_file_is_left_alone_and_links_are_followed(tmp_path: 
         files.expect_writable(tmp_path / ("a" * 300))
 
 
+def test_a_link_to_a_pipe_is_no_file(tmp_path: Path) -> None:
+    """/dev/stdout of a pipeline leads to a path that does not exist."""
+    read, write = os.pipe()
+    try:
+        (tmp_path / "stdout").symlink_to(f"/proc/self/fd/{write}")
+        with pytest.raises(GmsError, match="stdout: is no regular file"):
+            files.expect_writable(tmp_path / "stdout")
+    finally:
+        os.close(read), os.close(write)
+
+
+def test_a_file_that_is_read_or_written_already_is_not_written(tmp_path: Path) -> None:
+    """By whatever name: through links, another folder, or before it is there."""
+    a, b, hard, soft = (tmp_path / name for name in ("a", "b", "hard", "soft"))
+    a.write_text("input")
+    hard.hardlink_to(a)
+    soft.symlink_to(a)
+    (tmp_path / "in").mkdir()
+    for other in (a, hard, soft, tmp_path / "in" / ".." / "a"):
+        with pytest.raises(GmsError, match=f"{other}: is read here, and would be lost"):
+            files.expect_apart([other], [b, str(a)])
+    for other in (b, tmp_path / "in" / ".." / "b"):
+        with pytest.raises(GmsError, match=f"{other}: is given for two files to write"):
+            files.expect_apart([b, other], [a])
+    b.write_text("an earlier output")
+    files.expect_apart([b, tmp_path / "c"], [a, tmp_path / "none"])
+
+
 def test_a_folder_that_cannot_be_made_is_told_before_and_one_that_can_is_not_made(tmp_path: Path) -> None:
     assert files.expect_folder(tmp_path / "a" / "b") == tmp_path / "a" / "b"
     assert not (tmp_path / "a").exists()
