@@ -35,6 +35,11 @@ def example(name: str, elements: int = 3) -> Effect:
     return kind(**values)
 
 
+def unloaded(effect: Effect) -> Effect:
+    """An effect that leaves drag as it is whatever the joint carries, which a replay has to be given."""
+    return effect.replace(whole=0) if effect.name == "load_dependent_friction" else effect
+
+
 @pytest.fixture(scope="module")
 def motion():
     """(n,) time, position and velocity with reversals, rests and slow and fast parts."""
@@ -199,7 +204,7 @@ def test_modulating_effects_scale_the_friction_laws(name, motion):
 @pytest.mark.parametrize("joint_kind", ["hinge", "slide"])
 def test_plugin_torque_is_the_replayed_torque_to_the_last_bit(name, joint_kind):
     """Along a driven motion with reversals, in MuJoCo, with a second law beside the effect."""
-    plant = Plant.axis(kind=joint_kind) + example(name)
+    plant = Plant.axis(kind=joint_kind) + unloaded(example(name))
     if name != "viscous":
         plant += effects.Viscous(coefficient=0.1)
     spec = mujoco.MjSpec.from_string(
@@ -239,18 +244,38 @@ def test_a_contact_that_is_stronger_as_a_whole_is_stiffer_too(law, stiffening):
         assert stuck == pytest.approx((1 + 0.2 * way * stiffening) * 7e-6, rel=1e-4)
 
 
+FRICTION = [n for n, c in effects.CATALOGUE.items() if c.is_native and c.kind == "friction" and not c.modulates]
+
+
+@pytest.mark.parametrize("name", FRICTION)
+def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_factor(name, motion):
+    """Of what it holds at rest and of drag, too; and so are the elements and their changes."""
+    t, q, v = motion
+    load, law = np.abs(np.sin(3 * t)) + 0.1, example(name, 5)
+    alone = Plant.axis() + law
+    whole = alone + effects.LoadDependentFriction(coefficient=0.7, whole=1)
+    factor = 1 + 0.7 * load
+    torque = whole.joint().replay(t, q, v, load=load).torque
+    assert np.allclose(torque, factor * alone.joint().replay(t, q, v).torque, rtol=1e-13, atol=0)
+    if any(p.per_element for p in law.parameters):
+        apart, plain = whole.joint().elements(0, t, q, v, load=load), alone.joint().elements(0, t, q, v)
+        assert np.allclose(apart, factor[:, None] * plain, rtol=1e-13, atol=0)
+        assert np.allclose(apart.sum(1), torque, rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("name", "elements"), [*itertools.product(NATIVE.args[1], [1, 4, 5]), ("gms", 40), ("gms", 200)]
 )
-@pytest.mark.parametrize("modulated", [None, 0.0, 1.0])
+@pytest.mark.parametrize("modulated", [None, "level", "stiffness", "whole"])
 def test_joints_with_the_same_friction_get_what_each_gets_alone(name, elements, modulated):
     """The plug-in takes joints together: to the last bit the replay of each, one effect alone or several, modulated by
-    levels that pass through zero, with or without the stiffness."""
-    joints, plant = 18, Plant.axis() + example(name, elements)
+    levels that pass through zero, with or without the stiffness, or as a whole."""
+    joints, plant = 18, Plant.axis() + unloaded(example(name, elements))
     if modulated is not None:
+        waves = {"harmonics": [1, 3], "amplitude": [0.9, 0.4], "phase": [0.3, 1.0]}
         scales = (
-            effects.PositionDependentFriction(harmonics=[1, 3], amplitude=[0.9, 0.4], phase=[0.3, 1.0]),
-            effects.AsymmetricFriction(level=0.3, stiffening=modulated),
+            effects.PositionDependentFriction(**waves, whole=int(modulated == "whole")),
+            effects.AsymmetricFriction(level=0.3, stiffening=0 if modulated == "level" else 1),
             effects.Viscous(coefficient=0.1),
         )
         for effect in scales:

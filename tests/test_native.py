@@ -144,6 +144,19 @@ def test_stiff_joint_stays_bounded_without_chatter(wh, amplitude):
         assert reversals <= 2 * 6 + 1
 
 
+@pytest.mark.parametrize("scale", [
+    effects.ThermalDrift(amplitude=-0.3, time_constant=1e6), effects.AsymmetricFriction(level=0.2),
+    effects.PositionDependentFriction(harmonics=[1], amplitude=[0.4], phase=[-1.6]),
+], ids=lambda e: e.name)  # fmt: skip
+def test_friction_that_something_weakens_is_no_stiffer_for_it(scale):
+    """What would be more than its level lets it hold had been taken for a stiffness: auto took the implicit step, whose
+    damping is a tenth of the motion where friction is a spring."""
+    plant = Plant.axis(J) + gms() + scale
+    joint, torque = plant.joint(), 0.4 * FC * np.random.default_rng(3).normal(size=2000)
+    auto, explicit = (joint.simulate(J, 5e-5, torque, integration=i).position for i in ("auto", "explicit"))
+    assert np.array_equal(auto, explicit)
+
+
 def test_a_runaway_is_reported_as_nan():
     joint = (Plant.axis(J) + effects.Viscous(coefficient=1.0)).joint()
     motion = joint.simulate(J, 1e-3, np.ones(5000), integration="explicit")

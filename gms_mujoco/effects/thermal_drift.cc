@@ -2,7 +2,7 @@
 
 namespace {
 
-enum { kAmplitude, kViscous, kTime, kStiffening, kSpeed, kScale };  // parameters
+enum { kAmplitude, kViscous, kTime, kStiffening, kSpeed, kScale, kWhole };  // parameters
 
 constexpr double kColdest = -50;  // heat, below which what is left would be no friction, and at last no number
 
@@ -29,9 +29,7 @@ double left(const double* p, double time, double theta) {
 
 void modulate(const double* p, int, const gms::Motion& m, const double* state, gms::Level& level) {
   const double factor = 1 + p[kAmplitude] * left(p, m.time, begun(p, m, state[0]));
-  level.forward *= factor;
-  level.backward *= factor;
-  if (p[kStiffening] == 0) level.stiffens = false;
+  level.scale(factor, p[kStiffening] != 0, p[kWhole] != 0);
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
@@ -60,7 +58,9 @@ const gms::Effect gms_effect_thermal_drift = {
     "a scale W > 0 it is what was measured, T being the signal `temperature` of a record: tau dtheta/dt = (T - 20)/W - theta\n"
     "from theta = (T - 20)/W, so that a and b are those at 20 degC, where MuJoCo has every joint. V = 0 and W = 0, the\n"
     "defaults, are no unknowns of a fit; any other values are.\n"
-    "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays.\n"
+    "The stiffness of `gms`, `lugre` and `dahl` follows their level, or with s = 0 stays. What a contact holds at rest is\n"
+    "not changed by either; with w = 1 the whole torque of friction is multiplied, that and the drag too, as many a\n"
+    "simulation has it.\n"
     "Source: friction during warm-up, Carvalho Bittencourt and Axelsson, IEEE/ASME Trans. Mechatronics 19 (2014), whose\n"
     "viscous friction falls as exp(-T/W).",
     "The torque error follows the sign of velocity, or velocity, and fades, or grows to a plateau, with time.",
@@ -70,7 +70,8 @@ const gms::Effect gms_effect_thermal_drift = {
      {"time_constant", "s", gms::kUnset, 0.1, gms::kInfinity, false, true, "tau"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness fades with the level; 0: the level alone"},
      {"speed", "rad/s", 0, 0, gms::kInfinity, false, true, "V, speed that in the long run heats to theta = 1; 0: time does"},
-     {"temperature_scale", "K", 0, 0, gms::kInfinity, false, true, "W, rise of the temperature that is theta = 1; 0: not used"}},
+     {"temperature_scale", "K", 0, 0, gms::kInfinity, false, true, "W, rise of the temperature that is theta = 1; 0: not used"},
+     {"whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"}},
     n_state,
     nullptr,
     nullptr,

@@ -54,12 +54,24 @@ struct Motion {
 
 // Multipliers of the friction in each direction of motion. Effects that modulate friction (asymmetry, load,
 // position, temperature) write them; every friction law scales by `at(direction)` what grows with the real area of
-// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness.
+// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness. What multiplies the
+// torque as a whole, `whole`, every effect of kind "friction" that has a torque heeds.
 struct Level {
   double forward = 1;
   double backward = 1;
   bool stiffens = true;  // whether the stiffness of a contact grows with its level
   bool drops = true;     // whether a contact that turns keeps no more than the level of the direction that it comes to
+  double whole = 1;      // multiplier of the torque instead: of what contacts hold at rest, and of drag, too
+  // By a factor in both directions, with the stiffness or without, or all of the torque.
+  void scale(double factor, bool with_stiffness, bool as_a_whole) {
+    if (as_a_whole) {
+      whole *= factor;
+      return;
+    }
+    forward *= factor;
+    backward *= factor;
+    if (!with_stiffness) stiffens = false;
+  }
   double at(double direction) const { return direction < 0 ? backward : forward; }
   double stiffness_at(double direction) const { return stiffens ? at(direction) : 1; }  // multiplier of a stiffness
 };

@@ -84,7 +84,7 @@ void Joint::sums(int count, const Joint* const* joints, const Motion* motion, co
   double part[kTogether];
   const double* p[kTogether];
   for (int j = 0; j < count; j++) {
-    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion[j], state[j] + x.state, level[j]);
+    level[j] = joints[j]->level(motion[j], state[j]);
   }
   std::fill(total, total + count, 0.0);
   for (size_t i = 0; i < first.torques_.size(); i++) {
@@ -102,7 +102,7 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
     next[j][0] = motion.position;
     next[j][1] = motion.time;
     total[j] = 0;
-    for (const Call& x : joints[j]->modulators_) x.effect->modulate(x.p, x.n, motion, state[j] + x.state, level[j]);
+    level[j] = joints[j]->level(motion, state[j]);
   }
   for (size_t i = 0; i < first.torques_.size(); i++) {
     const Call& x = first.torques_[i];
@@ -122,9 +122,14 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
   }
 }
 
-double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
+Level Joint::level(const Motion& motion, const double* state) const {
   Level level;
   for (const Call& x : modulators_) x.effect->modulate(x.p, x.n, motion, state + x.state, level);
+  return level;
+}
+
+double Joint::sum(const Motion& motion, const double* state, double* next, double* parts) const {
+  const Level level = this->level(motion, state);
   if (parts) std::fill(parts, parts + uses_.size(), 0.0);
   double total = 0;
   for (const Call& x : torques_) {
@@ -156,10 +161,20 @@ double Joint::slope(double h) const {
 
 double Joint::slope_once(double h) const {
   constexpr double kSmall = 1e-9;  // [rad or m], far below any break-away distance
+  const Motion still{0, 0, 0, h, h, 0};
   double state[kMaxState], largest = 0;
+  reset(state);
+  const Level level = this->level(still, state);
+  // Friction that holds more than its level falls to it with the first move, which is no stiffness.
+  const double most = std::max(0.0, std::min({1.0, level.forward, level.backward}));
   for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only
-    recall(std::vector<double>(n_memory_, memory).data(), state);
-    const double rest = torque_only(Motion{0, 0, 0, h, h, 0}, state);
+    std::vector<double> unknown;
+    for (const Use& use : uses_) {
+      const int n = use.effect->n_memory ? use.effect->n_memory(use.n) : 0;
+      unknown.insert(unknown.end(), n, use.effect->steepens ? memory : memory * most);
+    }
+    recall(unknown.data(), state);
+    const double rest = torque_only(still, state);
     for (const double x : {kSmall, -kSmall}) {
       const double moving = torque_only(Motion{x, x, x / h, h, h, 0}, state);
       largest = std::max(largest, std::fabs(moving - rest) * h / kSmall);

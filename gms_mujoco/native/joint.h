@@ -111,6 +111,9 @@ class Joint {
   double implicit_torque(const Sample& now, const double* state, double h, double free_velocity, double gain,
                          Search* search = nullptr) const;
 
+  // What modulates friction over an interval.
+  Level level(const Motion& motion, const double* state) const;
+
   // Change of torque per change of velocity over a step of length h, k h + sigma [N m s/rad], the larger of that from
   // the virgin state and from the other end of its memory; very large for a static law.
   double slope(double h) const;

@@ -101,12 +101,13 @@ class Cycle {
 
   // Takes in the torque over that motion, and the state that is in `room` now; whether it is the end.
   bool take(double torque) {
+    const double whole = of_ ? joint_->level(next(), state_.data()).whole : 1;
     state_.swap(next_);
     if (k_++ <= 0) {
       if (k_ > 0) seen_[0] = state_, kept_ = 1;
       return false;
     }
-    note(k_ - 1, torque);
+    note(k_ - 1, torque, whole);
     if (!settled_ && k_ <= last_) return false;
     if (!settled_) turned();
     if (!settled_ && turn_ < kMostPeriods) return false;
@@ -123,14 +124,14 @@ class Cycle {
     return true;
   }
 
-  // Sample k of a turn, from 1 on.
-  void note(int k, double torque) {
+  // Sample k of a turn, from 1 on; `whole` multiplies the torques of elements.
+  void note(int k, double torque, double whole) {
     const int at = k % n_;
     if (!of_) {
       out_[at] = torque;
     } else {
       of_->effect->elements(state_.data() + of_->state, of_->n, apart_.data());
-      for (int j = 0; j < of_->n; j++) out_[j * n_ + at] = apart_[j];
+      for (int j = 0; j < of_->n; j++) out_[j * n_ + at] = whole * apart_[j];
     }
     for (size_t j = gms::Joint::kAnchor; j < state_.size(); j++) scale_[j] = std::max(scale_[j], std::fabs(state_[j]));
     if (k % kLook) return;

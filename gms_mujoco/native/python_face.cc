@@ -72,10 +72,12 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
   }
   const Joint::Use& e = joint->uses()[use];
   for (int k = 0; k < n; k++) {
-    joint->torque(sample(k, time, position, velocity, load, temperature), state.data(), next.data());
+    const gms::Sample now = sample(k, time, position, velocity, load, temperature);
+    const double whole = joint->level(Joint::since(now, state.data()), state.data()).whole;
+    joint->torque(now, state.data(), next.data());
     state.swap(next);
     e.effect->elements(state.data() + e.state, e.n, torque);
-    torque += e.n;
+    for (int i = 0; i < e.n; i++) *torque++ *= whole;
   }
 }
 
@@ -116,9 +118,10 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
     Joint::alternatives(count, joints, motion, state, next, torque);
     double* to = instants ? row.data() : band.row();
     if (apart) e->effect->elements(next[0] + e->state, e->n, from.data());
+    const double whole = apart ? here.level(motion, state[0]).whole : 1;  // of all: they differ in the elements alone
     for (int j = 1; j <= apart; j++, to += e->n) {
       e->effect->elements(next[j] + e->state, e->n, to);
-      for (int i = 0; i < e->n; i++) to[i] -= from[i];
+      for (int i = 0; i < e->n; i++) to[i] = whole * (to[i] - from[i]);
     }
     for (int j = apart + 1; j < count; j++) *to++ = torque[j] - torque[0];
     for (int j = 0; j < count; j++) std::swap(state[j], next[j]);
