@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from . import effects
 from .compare import compare_observations, quick_error
-from .comparison.score import relative_error
 from .dataset import Dataset
 from .diagnosis.conclusion import conclude, fits_alone, lowered
-from .diagnosis.custom import Shape, column, name_of
+from .diagnosis.custom import Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import with_exponents, without_vanished
@@ -31,11 +30,9 @@ from .errors import DataError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
 from .identification.frf_observation import Seen, tells_another_noise
-from .identification.held_out import p_value
 from .identification.inverse import Observation
 from .identification.observe import driven, expect_enough, loaded, observe
 from .identification.refine import finished, gone_on
-from .identification.screen import Screen
 from .identification.time_steps import as_fitted
 from .plant import Plant
 from .progress import Progress, part, silent
@@ -51,7 +48,7 @@ def diagnose(
     runs: Dataset,
     plant: Plant | None = None,
     *,
-    candidates: Sequence[Shape] = (),
+    candidates: Shapes = (),
     without: Collection[str] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -87,15 +84,17 @@ def diagnose(
     Args:
         runs: a measurement set with at least one fit record.
         plant: where to start from; None: the default baseline.
-        candidates: functions (time, position, velocity) -> torque of arrays (n,), causes that you suspect. Each is
-            scored on the final plant, in a joint linear refit of its strength and the plant, by the same test on
-            blocks not seen, and reported among the candidates by its name; it is not added. An effect in one file
-            (see CONTRIBUTING) is.
+        candidates: functions (time, position, velocity) -> torque of arrays (n,), causes that you suspect, as a list or
+            by the name that each is to have. Each is scored on the final plant, in a joint linear refit of its strength
+            and the plant, by the same test on blocks not seen, and reported among the candidates by its name; it is not
+            added. An effect in one file (see CONTRIBUTING) is. Along a frequency response it is given the steady
+            motion, to and fro about 0, and NaN for the time, which is not known there: what follows time is none of it.
         without: names of effects that you know not to be there; they are not looked at.
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: there is nothing to fit, or a candidate gives no torque for each sample.
+        DataError: there is nothing to fit, or a candidate is no function, has the name of another or of an effect, or
+            gives no torque for each sample.
         ModelError: no effect has the name of one in `without`, or the plant takes a goal and the data have torques, or
             the other way round.
     """
@@ -108,10 +107,12 @@ def diagnose(
     report = progress or silent
     if not runs.fit:
         raise DataError('no fit records; mark some with use = "fit"')
-    if candidates and runs.controller:
+    shapes = named(candidates)
+    if shapes and runs.controller:
         raise DataError("a candidate of your own is a torque along the motion, and a servo's log has no torque")
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.all)
+    expect_torques(shapes, runs.fit)
     runs = runs.with_temperature_of_all()
     report(0.0, "looking at the records")
     as_given, law_said, near = runs, "", None
@@ -158,13 +159,12 @@ def diagnose(
     if hint is None and comparison and fits_alone(search, steps):
         hint = shown_unfitted(search, last, validate, comparison)
     said = (ended.late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
-    found = conclude(steps, rejected, floor, search, moments, said, hint)
-    found = replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
-    if candidates:
+    if shapes:
         report(0.95, "scoring your candidates")
-        found = _with_shapes(found, candidates, search, validate)
+    own = scored(shapes, last, validate, comparison) if shapes else []
+    found = conclude(steps, rejected, floor, search, moments, said, hint, own)
     report(1.0, "done")
-    return found
+    return replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
 
 
 class _Ended(NamedTuple):
@@ -232,28 +232,6 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
         last = finished(without_vanished(free_to_bend))
         if not drop_last(search, last):
             return last, ""
-
-
-def _with_shapes(
-    found: Diagnosis, shapes: Sequence[Shape], search: Search, validate: Sequence[Seen]
-) -> Diagnosis:
-    """The diagnosis with the user's own candidates, scored on the final plant."""
-    last, comparison = search.steps[-1].result, found.steps[-1].comparison
-    screen = Screen(last.misfit, last.vector)
-    scored, notes = [], []
-    for shape in shapes:
-        name = name_of(shape)
-        gain, strength, held_out = screen.shape(column(shape, last.misfit.observations, last.plant))
-        p = p_value(screen.held_out, held_out)
-        error = None
-        if comparison:
-            own = column(shape, validate, last.plant)
-            errors = np.concatenate([r.residual for r in comparison.records]) + strength * own
-            splits = np.cumsum([len(r.residual) for r in comparison.records])[:-1]
-            error = relative_error(np.split(errors, splits), [r.measured for r in comparison.records])
-        scored.append(Rejected(name, p, error))
-        notes.append(f"{name}: takes {100 * gain:.0f} % of the squared error (p = {p:.1g} on held-out blocks)")
-    return replace(found, candidates=(*found.candidates, *scored), notes=(*found.notes, *notes))
 
 
 def _evidence(before: Step, step: Step) -> str:

@@ -12,6 +12,7 @@ from .. import effects
 from ..compare import Comparison
 from ..identification.undetermined import never_slips
 from .beyond import Hint
+from .custom import Scored
 from .findings import Diagnosis, Rejected
 from .judgement import AT_FLOOR
 from .remainder import describe, loudest
@@ -36,6 +37,7 @@ def conclude(
     moments: str,
     said: tuple[str, ...],
     hint: Hint | None,
+    own: Sequence[Scored] = (),
 ) -> Diagnosis:
     """The verdict on a search that has ended, what remains, and what to measure next.
 
@@ -47,6 +49,7 @@ def conclude(
         moments: since when the fit records are off the plant, in words; empty where they are not.
         said: sentences on what remains, the first of them on what had been found last.
         hint: on what explains more than any effect that was added.
+        own: candidates of the user's.
     """
     last = steps[-1].result
     negligible = max(o.negligible for o in search.seen)
@@ -79,11 +82,13 @@ def conclude(
         following = hint.experiment
     elif not at_floor:
         record, error = _loudest(search, steps[-1], left), steps[-1].validate_error
-        following = _to_isolate(rejected, record, error, _comes_back(steps[-1]))
+        following = _to_write(rejected, own, error) or _to_isolate(rejected, record, error, _comes_back(steps[-1]))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
     notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps, comparisons)) if line)
-    return Diagnosis(verdict, floor, steps, rejected, remainder, following, notes)
+    notes = (*notes, *(s.said for s in own))
+    tried = (*rejected, *(Rejected(s.name, s.p_value, s.error) for s in own))
+    return Diagnosis(verdict, floor, steps, tried, remainder, following, notes)
 
 
 def fits_alone(search: Search, steps: Sequence[Step]) -> bool:
@@ -109,6 +114,19 @@ def _comes_back(step: Step) -> bool:
         return False
     errors, floor = (step.result.error, step.comparison.error), max(step.result.floor, step.comparison.noise_floor)
     return min(errors) > max(_NEAR_FLOOR * floor, max(errors) / _ALIKE)
+
+
+def _to_write(rejected: Sequence[Rejected], own: Sequence[Scored], error: float | None) -> str:
+    """What to do with a candidate of the user's that comes closer than anything known; empty where none does."""
+    left = {s: math.sqrt(max(1 - s.gain, 0.0)) if error is None or s.error is None else s.error / error for s in own}
+    closest = min((s for s in own if left[s] < _CLOSER), key=lambda s: (s.p_value, left[s]), default=None)
+    if closest is None or closest.p_value > min([_SAYS_NOTHING, *(r.p_value for r in rejected)]):
+        return ""
+    return (
+        f"Nothing known explains the rest. {closest.name}, a candidate of yours, came closest, with "
+        f"{100 * closest.gain:.0f} % of the squared error: as an effect in one file (see CONTRIBUTING) it is fitted "
+        "with the plant."
+    )
 
 
 def _to_isolate(

@@ -340,14 +340,15 @@ class Screen:
 
     def shape(self, torque: Array) -> tuple[float, float, HeldOut]:
         """Gain, strength, and what is left of each block not seen, of a torque (m,) that has one strength."""
-        columns = (torque * self.model.determined)[:, None]
+        size = max(float(np.abs(torque).max()), 1e-300)  # of any strength: its square may be no number
+        columns = (torque / size * self.model.determined)[:, None]
         free = self.model.without(columns)
         seen = _seen(free, columns)
         if not seen.any():
             return 0.0, 0.0, self.held_out
         strength = _least_squares(free, self.model.target, seen)
         gain = self._gain(free @ strength) / max(self._left, 1e-300)
-        return gain, -float(strength[0]), self._predicted(columns, 1.0)
+        return gain, -float(strength[0]) / size, self._predicted(columns, 1.0)
 
     def _gain(self, fitted: Array) -> float:
         """By how much the squared residual falls when `fitted` is taken from it."""

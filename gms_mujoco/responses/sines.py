@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -160,6 +160,11 @@ class Sines(ABC):
             return np.zeros(len(self.frequency), complex)
         position, rate, _ = self._read(plant)
         return fundamental(plant.joint().cycle(1 / self.frequency, position, rate))
+
+    def along(self, plant: Plant, torque: Callable[[Array, Array], Array]) -> Array:
+        """(2 n,) rows of a torque that follows from position and velocity, (samples,) each of one period."""
+        position, rate, _ = self._read(plant)
+        return self._rows(fundamental(np.stack([torque(q, v) for q, v in zip(position, rate, strict=True)])))
 
     def elements(
         self, plant: Plant, joint: Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
