@@ -228,4 +228,4 @@ def run_loop(
     if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or np.abs(readings).max() > 1e6:
         raise DataError(f"{name}: the motion runs away; is the loop stable?")
     torque += torque_noise * rng.standard_normal(n)
-    return Record(name, time, {"torque": torque, "position": readings}, use, resolution)
+    return Record(name, time, {"torque": torque, "position": readings}, use, resolution, kind=plant.kind)

@@ -258,8 +258,10 @@ def compare(plant: Plant, data: Sequence[Data], *, bandwidth: float | None = Non
         bandwidth: of records [Hz]; None: that of the plant's fit, or chosen from the noise of the records.
 
     Raises:
-        ModelError: a parameter has no value, or the plant takes a goal and the data have torques, or the reverse.
-        DataError: there is nothing to compare with, or the bandwidth is no positive number.
+        ModelError: a parameter has no value, a load is heavier than the axis that it is a part of, or the plant takes a
+            goal and the data have torques, or the reverse.
+        DataError: there is nothing to compare with, it is of the other kind of joint, or the bandwidth is no positive
+            number.
     """
     driven(plant, data).complete()
     if bandwidth is None:

@@ -35,7 +35,7 @@ class Dataset:
 
     Attributes:
         path: folder it was read from.
-        records: each with its use.
+        records: each with its use; one that says no kind of joint is of that of the set.
         kind: "hinge" (rad, N m) or "slide" (m, N).
         inertia: [kg m^2] or [kg]; None: to be identified.
         torque_constant: [N m/A], None where not given.
@@ -59,6 +59,10 @@ class Dataset:
     joint: str | None = None
     servos: tuple[ServoRun, ...] = ()
     robot: Robot | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        of_joint = tuple(r if r.kind else replace(r, kind=self.kind) for r in self.records)
+        object.__setattr__(self, "records", of_joint)
 
     def __iter__(self) -> NoReturn:
         """A set is no list: `fit(plant, runs)` would take what is set apart for validation.

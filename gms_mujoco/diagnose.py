@@ -93,10 +93,10 @@ def diagnose(
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: there is nothing to fit, or a candidate is no function, has the name of another or of an effect, or
-            gives no torque for each sample.
-        ModelError: no effect has the name of one in `without`, or the plant takes a goal and the data have torques, or
-            the other way round.
+        DataError: there is nothing to fit, it is of the other kind of joint, or a candidate is no function, has the
+            name of another or of an effect, or gives no torque for each sample.
+        ModelError: no effect has the name of one in `without`, a load in the plant is heavier than its axis, or the
+            plant takes a goal and the data have torques, or the other way round.
     """
     if not isinstance(runs, Dataset):
         raise DataError('a measurement set is expected first, as gms.load("folder") reads one, then a plant; '

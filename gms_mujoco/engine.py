@@ -94,7 +94,7 @@ def attach(
 
     Raises:
         ModelError: no such joint, a ball or free joint, a joint that has friction already, a plant of another
-            kind or with parameters that have no value, a sensor of another name.
+            kind, with parameters that have no value or a load heavier than its axis, a sensor of another name.
     """
     spec = spec_of(model)
     if integration not in native.INTEGRATION:
@@ -189,6 +189,7 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
     unset = [f"{e.name}.{p}" for e in plant.effects for p in e.unset]
     if unset:
         raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
+    plant.light_loads()
     for p in spec.plugins:
         if p.plugin_name == PLUGIN and any(joint.name in names for names in _joints_of(p)):
             raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
@@ -229,8 +230,8 @@ def _uncouple(joint: Any, plant: Plant) -> None:
     if hidden > joint.armature * (1 + 1e-9):  # it may be a difference of numbers that were rounded
         names = ", ".join(e.name for e in plant.effects if e.hidden_inertia)
         warnings.warn(
-            f"the load of {names}, {hidden:g} kg m^2, is part of the inertia of the axis, but joint {joint.name!r} has "
-            f"only {joint.armature:g} of armature to take it from: take the rest off the body",
+            f"the load of {names}, {hidden:g} {plant.mass_unit}, is part of the inertia of the axis, but joint "
+            f"{joint.name!r} has only {joint.armature:g} of armature to take it from: take the rest off the body",
             stacklevel=4,
         )
     joint.armature = max(joint.armature - hidden, 0.0)

@@ -91,9 +91,10 @@ def fit(
         progress: called with a share in 0..1 and a message.
 
     Raises:
-        DataError: nothing to fit, fewer numbers than unknowns, or a response that cannot be used alone.
-        ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, or it
-            takes a goal and the data have torques, or the other way round.
+        DataError: nothing to fit, fewer numbers than unknowns, data of the other kind of joint, or a response that
+            cannot be used alone.
+        ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, a load
+            in it is heavier than the axis, or it takes a goal and the data have torques, or the other way round.
     """
     report = progress or silent
     driven(plant, data).expect_names(fixed)

@@ -125,8 +125,8 @@ class Plant:
         return self.inertia - sum(e.hidden_inertia for e in self.effects)
 
     def light_loads(self) -> Plant:
-        """Itself; raises ModelError where what its effects put behind a coupling is no part of its inertia."""
-        if self.driven_inertia <= 0:
+        """Itself; raises ModelError where what its effects put behind a coupling is no part of a known inertia."""
+        if self.inertia is not None and self.driven_inertia <= 0:
             loads = listing(e.name for e in self.effects if e.hidden_inertia)
             raise ModelError(f"{loads} must have less inertia than the axis, {self.inertia:g}, of which it is a part")
         return self
@@ -158,7 +158,7 @@ class Plant:
 
     def numbers(self) -> dict[str, tuple[float, str]]:
         """Every value with its unit, by its name: "inertia", "effect.parameter" or, of several, with "[i]"."""
-        out = {} if self.inertia is None else {"inertia": (float(self.inertia), self._mass_unit)}
+        out = {} if self.inertia is None else {"inertia": (float(self.inertia), self.mass_unit)}
         for e in self.effects:
             for p in e.parameters:
                 values = np.atleast_1d(np.asarray(e.values[p.name], float))
@@ -168,7 +168,8 @@ class Plant:
         return out
 
     @property
-    def _mass_unit(self) -> str:
+    def mass_unit(self) -> str:
+        """Of its inertia."""
         return "kg m^2" if self.kind == "hinge" else "kg"
 
     def _unit(self, p: Parameter) -> str:
@@ -289,7 +290,7 @@ class Plant:
             lines.append(f'kind = "{self.kind}"')
         if self.inertia is not None:
             found = "" if self.inertia_known else ", identified"
-            lines.append(f"inertia = {self.inertia!r}  # {self._mass_unit}{found}")
+            lines.append(f"inertia = {self.inertia!r}  # {self.mass_unit}{found}")
         if not self.inertia_known:
             lines.append("inertia_known = false")
         for e in self.effects:

@@ -61,6 +61,7 @@ class Record:
         sensed: whether `torque` was read at the samples, as `position` is: a column `current` whose rows come by
             another clock than that of the drive.
         others: (n,) measured position of each other joint of the robot, by name [rad or m].
+        kind: of the joint, "hinge" or "slide"; None where nobody has said it.
 
     Raises:
         DataError: a signal is missing, has another length, is not finite, or time does not run forward evenly.
@@ -73,6 +74,7 @@ class Record:
     resolution: float | None = None
     sensed: bool = False
     others: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    kind: str | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -128,6 +130,12 @@ class Record:
         """(n,) signal by name, None where it was not recorded; for a load then what the gear transmits by the model."""
         found = self.signals.get(signal)
         return self.signals.get("transmitted_torque") if found is None and signal == "load" else found
+
+    def of_kind(self, kind: str) -> Self:
+        """Itself; raises DataError where it is known to be of the other kind of joint."""
+        if self.kind not in (None, kind):
+            raise DataError(f"{self.name}: a record of a {self.kind} joint, where a {kind} joint is asked for")
+        return self
 
     def with_acting_load(self, sign: int) -> Self:
         """The same record, of an axis on which the load acts as a torque, in its direction (1) or against it (-1)."""

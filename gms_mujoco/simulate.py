@@ -133,7 +133,7 @@ def simulate(
     read = _read(seen, position_noise, resolution, rng)
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
-    return Record(name, time, signals, use, resolution)
+    return Record(name, time, signals, use, resolution, kind=plant.kind)
 
 
 def generator(seed: int | None) -> np.random.Generator:

@@ -460,3 +460,13 @@ def test_a_part_of_a_model_that_shares_friction_cannot_go_alone_unnoticed():
         parent.worldbody.add_frame().attach_body(child.body("lower"), "r_", "")
         with pytest.raises(ValueError, match="no joint is called 'r_shoulder'"):
             parent.compile()
+
+
+def test_a_load_heavier_than_its_axis_is_refused_and_of_an_unknown_axis_warned_of_in_its_own_unit():
+    slide = AXIS.replace('<joint name="shaft" axis="0 0 1"/>', '<joint name="shaft" type="slide" axis="0 0 1"/>')
+    load = effects.Backlash(inertia=2.0, gap=1e-3, frequency=50.0, damping=0.1)
+    with pytest.raises(ModelError, match=r"backlash must have less inertia than the axis, 1\.5"):
+        engine.attach(slide, {"shaft": Plant.axis(1.5, "slide") + load})
+    for source, kind, unit in ((slide, "slide", "2 kg,"), (AXIS, "hinge", "2 kg m\\^2,")):
+        with pytest.warns(UserWarning, match=f"the load of backlash, {unit} is part of the inertia"):
+            engine.attach(source, {"shaft": Plant.axis(None, kind) + load})

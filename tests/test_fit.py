@@ -2,7 +2,9 @@
 
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,10 @@ from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, rms, run, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
+from gms_mujoco.compare import compare
 from gms_mujoco.comparison.score import relative_error
+from gms_mujoco.dataset import Dataset
+from gms_mujoco.diagnose import diagnose
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
@@ -466,3 +471,26 @@ def test_a_harmonic_that_is_given_with_a_phase_far_off_is_found(off: float) -> N
     found = fit(HEALTHY + true.replace(phase=[0.4 + off]), runs(HEALTHY + true)).plant["cogging"]
     assert found.amplitude == pytest.approx(true.amplitude, rel=0.01)
     assert np.cos(np.subtract(found.phase, true.phase)) == pytest.approx(1.0, abs=1e-3)
+
+
+def _asked(plant: Plant, whole: Dataset) -> list[Callable[[], object]]:
+    return [lambda: compare(plant, whole.all), lambda: fit(plant, whole.fit), lambda: diagnose(whole, plant)]
+
+
+@pytest.mark.parametrize("verb", range(3), ids=["compare", "fit", "diagnose"])
+def test_a_plant_of_the_other_kind_of_joint_is_refused(verb: int) -> None:
+    slide = Plant.axis(1.5, "slide") + effects.Coulomb(coulomb=4.0)
+    unsaid = [replace(r, kind=None) for r in runs(DRAG, seconds=0.5)]
+    for records in (unsaid, runs(DRAG, seconds=0.5)):
+        whole = Dataset(Path(), tuple(records))
+        with pytest.raises(DataError, match="a record of a hinge joint, where a slide joint is asked for"):
+            _asked(slide, whole)[verb]()
+    assert compare(DRAG, unsaid).torque_error < 1  # where nobody has said it, nothing is asked
+
+
+@pytest.mark.parametrize("verb", range(3), ids=["compare", "fit", "diagnose"])
+def test_a_load_heavier_than_the_axis_is_refused_where_that_is_known(verb: int) -> None:
+    heavy = DRAG + effects.Backlash(inertia=2 * J, gap=0.1, frequency=50.0)
+    with pytest.raises(ModelError, match=r"backlash must have less inertia than the axis, 2\.4e-05"):
+        _asked(heavy, Dataset(Path(), tuple(runs(DRAG, seconds=0.5))))[verb]()
+    assert replace(heavy, inertia=None).light_loads().inertia is None

@@ -31,8 +31,9 @@ Data = Record | FRF | ServoRun
 
 
 def driven(plant: Plant, data: Sequence[Data]) -> Plant:
-    """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round, and where it
-    is no plant, DataError where the data are no measurements, or lack the temperature that an effect of it follows."""
+    """Itself; raises ModelError where it takes a goal and the data have torques, or the other way round, where a load
+    in it is heavier than its axis, and where it is no plant, DataError where the data are no measurements, are of the
+    other kind of joint, or lack the temperature that an effect of it follows."""
     if not isinstance(plant, Plant):
         raise ModelError(f"a plant is expected before the data, as gms.baseline() is one; {_kind(plant)} given")
     if isinstance(data, str | Path) or not isinstance(data, Iterable):
@@ -43,14 +44,15 @@ def driven(plant: Plant, data: Sequence[Data]) -> Plant:
                         f"are: gms.load(...).fit; {_kind(other)} among them")
     if any(isinstance(d, ServoRun) for d in data):
         return expect_servo(plant)
-    for frf in (d for d in data if isinstance(d, FRF)):
-        frf.of_kind(plant.kind)
+    for d in data:
+        if isinstance(d, FRF | Record):
+            d.of_kind(plant.kind)
     without = next((d.name for d in data if isinstance(d, Record) and d.get("temperature") is None), None)
     for effect in plant.effects if without is not None else ():
         if name := effect.thermometer:
             raise DataError(f"{without} has no temperature [degC], which {effect.name} follows where it has {name}; "
                             f"log it, or leave {name} away")
-    return plant.torque_driven()
+    return plant.torque_driven().light_loads()
 
 
 def is_enough(observations: Sequence[Seen], plant: Plant, fixed: Collection[str] = ()) -> bool:
