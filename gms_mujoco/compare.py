@@ -121,7 +121,7 @@ class Comparison:
     @property
     def score(self) -> Score:
         """What the error and the floor are of, and how they are told."""
-        return POSITION if self.servos else TORQUE
+        return POSITION if self.servos else TORQUE.of_kind(self.plant.kind)
 
     @property
     def position_error(self) -> float:
@@ -224,16 +224,16 @@ class Comparison:
         if self.servos:
             pooled = (self.error, self.noise_floor, self.simulation_error)
             return f"{servo_table(self.servos, pooled)}\n{self.where}"
-        shown = [table(self.frfs)] if self.frfs else []
+        shown = [table(self.frfs, self.score.word)] if self.frfs else []
         if not self.records:
             pooled = (self.torque_error, self.noise_floor, self.simulation_error)
-            return "\n".join([*shown, "pooled: torque {:.2f}, floor {:.2f}, simulation {:.2f} %".format(
-                *(100 * e for e in pooled))])
-        width = max([len(r.name) for r in self.records] + [6])
+            return "\n".join([*shown, "pooled: {} {:.2f}, floor {:.2f}, simulation {:.2f} %".format(
+                self.score.word, *(100 * e for e in pooled))])
+        width, what = max([len(r.name) for r in self.records] + [6]), self.score.word
         lines = [
             *shown,
-            f"torque up to {self.bandwidth:.0f} Hz, simulation over {1000 * WINDOW:.0f} ms windows; errors in % of rms",
-            f"{'record':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}",
+            f"{what} up to {self.bandwidth:.0f} Hz, simulation over {1000 * WINDOW:.0f} ms windows; errors in % of rms",
+            f"{'record':{width}}  {'use':8}  {what:>8}  {'floor':>8}  {'simulation':>10}",
         ]
         rows = [(r.name, r.use, r.torque_error, r.noise_floor, r.simulation_error) for r in self.records]
         rows.append(("pooled", "", self.torque_error, self.noise_floor, self.simulation_error))
@@ -287,9 +287,10 @@ def compare_observations(plant: Plant, observations: Sequence[Seen], noise: Nois
         noise = noise_of(records, left, plant.inertia)
     rng = np.random.default_rng(0)
     servos = tuple(compare_servo(plant, o, rng) for o in observations if isinstance(o, ServoObservation))
-    todo = zip(records, memories, rng.spawn(len(records)), strict=True)
+    draws = rng.spawn(len(records) + len(frfs))
+    todo = zip(records, memories, draws[: len(records)], strict=True)
     judged = tuple(each(lambda t: _compare_one(plant, noise, *t), todo))
-    responses = tuple(compare_frf(plant, o, rng) for o in frfs)
+    responses = tuple(compare_frf(plant, o, draw) for o, draw in zip(frfs, draws[len(records) :], strict=True))
     rows: tuple[RecordComparison | FrfComparison | ServoComparison, ...] = (*judged, *responses, *servos)
     measured, score = [r.measured for r in rows], observations[0].score
     return Comparison(

@@ -246,7 +246,8 @@ def _evidence(before: Step, step: Step) -> str:
     gone = [e.name for e in before.result.plant.effects if e.name not in step.result.plant]
     instead = f", in the place of {' and '.join(gone)}" if gone else ""
     by = ", by the temperature that was measured" if step.result.plant[step.effect].thermometer else ""
+    looks = lowered(effects.find(step.effect).signature).replace("torque error", score.name)
     return (
         f"{step.effect}{instead}{by}: with it {fall} (p = {step.p_value:.1g} on held-out blocks), in {better} of "
-        f"{len(step.held_out.by_record)} fit records; {lowered(effects.find(step.effect).signature)}"
+        f"{len(step.held_out.by_record)} fit records; {looks}"
     )

@@ -100,7 +100,7 @@ class FitResult:
     @property
     def score(self) -> Score:
         """What the error is of."""
-        return self.misfit.observations[0].score
+        return self.misfit.observations[0].score.of_kind(self.plant.kind)
 
     @property
     def undetermined(self) -> dict[str, str]:
@@ -113,7 +113,7 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     plant = misfit.plant(x)
     residual, observations = misfit.residual(x), misfit.observations
     applied = [o.applied(plant) for o in observations]
-    score = observations[0].score
+    score = observations[0].score.of_kind(plant.kind)
     error = score.pooled(_told(score, np.split(residual, misfit.splits)), applied)
 
     def floored() -> tuple[Noise, list[Array]]:
@@ -140,7 +140,7 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
         provenance["error_of"] = "position, mean absolute [rad]"
     plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)
     if score.of == "torque":
-        status = f"torque error {100 * error:.2f} % of the torque up to {bandwidth:.0f} Hz"
+        status = f"{score.name} {100 * error:.2f} % of the {score.word} up to {bandwidth:.0f} Hz"
         status += f", noise floor {100 * floor:.2f} %"
     else:
         status = f"mean absolute position error {score.told(error)}, noise floor {score.told(floor)}"

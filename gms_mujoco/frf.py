@@ -202,8 +202,9 @@ def to_csv(frfs: Sequence[FRF]) -> str:
     extra = [k for k in optional if any(getattr(f, k) is not None for f in frfs)]
     lines = []
     for i, f in enumerate(frfs, 1):
-        what = " ".join(f"{f.name}: {f.output} over {f.input} [{f.unit}]; {'; '.join(f.notes)}".split())
-        lines.append(f"# {i}: {what}")
+        what = f"{f.output} over {f.input} [{f.unit}]"
+        told = [note.removeprefix(what).strip() for note in f.notes]  # of a file they begin with it
+        lines.append(" ".join(f"# {i}: {f.name}: {'; '.join([what, *told])}".split()))
     lines.append(",".join(["response", "frequency [Hz]", "magnitude [abs]", "phase [rad]", *extra]))
     for i, f in enumerate(frfs, 1):
         columns: list[list[Any]] = [x.tolist() for x in (f.frequency, np.abs(f.response), np.angle(f.response))]

@@ -399,7 +399,8 @@ def _interval_text(value: float, interval: tuple[float, float] | None, digits: i
 
 def slide_unit(unit: str) -> str:
     """The unit that a slide joint reads for a hinge joint's."""
-    return unit.replace("N m", "N").replace("rad", "m").replace("kg m^2", "kg").replace(WAVES, "rad/m")
+    unit = unit.replace("(N m)", "N").replace("N m", "N").replace("rad", "m")
+    return unit.replace("kg m^2", "kg").replace(WAVES, "rad/m")
 
 
 def _only(table: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:

@@ -381,6 +381,12 @@ def test_value_that_is_not_finite_names_the_line(value: float, tmp_path: Path) -
     refuses(tmp_path, AXIS + RECORD, "run.csv", "line 9", "torque", **{**RUN, "torque": torque})
 
 
+def test_a_value_larger_than_any_is_not_called_infinite(tmp_path: Path) -> None:
+    torque = RUN["torque"].copy()
+    torque[7] = 1e300
+    refuses(tmp_path, AXIS + RECORD, "line 9: torque is 1e+300, more than any axis has", **{**RUN, "torque": torque})
+
+
 def test_the_line_of_a_mistake_is_right_after_rows_were_left_out(tmp_path: Path) -> None:
     torque = RUN["torque"].copy()
     torque[[0, 1, 2, 100]] = np.nan

@@ -119,6 +119,12 @@ def test_the_virgin_curve_is_right_where_the_reading_ignores_stribeck(
     assert error(curve(fitted.plant, x)) < 0.02 < 0.08 < error(identify_dahl(healthy).virgin_curve(x))
 
 
+def test_a_comparison_tells_the_noise_floor_of_the_fit(fitted: gms.FitResult, healthy: list[FRF]) -> None:
+    found = gms.compare(fitted.plant, [f for f in healthy if f.use == "fit"])
+    assert found.noise_floor == pytest.approx(fitted.floor, rel=0.03)
+    assert all(r.noise_floor < 1.3 * r.torque_error for r in found.frfs)  # no more than what is left
+
+
 def test_the_plant_gives_back_responses_it_was_not_fitted_to(fitted: gms.FitResult, healthy: list[FRF]) -> None:
     found = gms.compare(fitted.plant, [f for f in healthy if f.use == "validate"])
     assert found.records == () and len(found.frfs) == 2

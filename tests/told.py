@@ -7,6 +7,7 @@ from typing import Any
 
 from gms_mujoco import effects
 from gms_mujoco.compare import Comparison, compare
+from gms_mujoco.comparison.score import TORQUE, Score
 from gms_mujoco.dataset import load
 from gms_mujoco.plant import Plant
 
@@ -19,6 +20,10 @@ class Told:
     plant: Plant
     comparisons: tuple[Comparison, ...]
     table: dict[str, Any]
+
+    @property
+    def score(self) -> Score:
+        return TORQUE.of_kind(self.plant.kind)
 
     def to_dict(self) -> dict[str, Any]:
         return self.table

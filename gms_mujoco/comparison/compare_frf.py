@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..frf import FRF
 from ..identification.frf_observation import FrfObservation
+from ..identification.noise import Noise, floor_residual
 from ..native import Joint
 from ..plant import Plant
 from ..responses.harmonics import SAMPLES, fundamental
@@ -36,7 +37,7 @@ class FrfComparison:
             standard deviation.
         simulation_error: rms of the relative difference of the response and that of a forward simulation under the
             same torque from rest, once its motion is steady.
-        noise_floor: the torque error that the uncertainty of the response alone leaves.
+        noise_floor: the torque error that the uncertainty of the response alone leaves, no more than what is left.
         frequency: (n,) [Hz].
         amplitude: (n,) of the position [rad].
         response: (n,) measured [rad/(N m)].
@@ -123,7 +124,8 @@ def compare_frf(plant: Plant, o: FrfObservation, rng: np.random.Generator) -> Fr
     """A response against a plant with every parameter set."""
     assert plant.inertia is not None
     o = o.settled(plant)
-    measured, needed, floor = o.applied(plant), o.needed(plant), o.floor(rng)
+    measured, needed = o.applied(plant), o.needed(plant)
+    floor = floor_residual(o, plant, None, Noise(0.0, 0.0, 0.0), rng, measured - needed)  # as a fit tells it
     model = o.model_response(plant)
     size = float(np.sqrt(np.mean(measured**2)))
     f = o.frf
@@ -190,10 +192,10 @@ def _steady(joint: Joint, inertia: float, frequency: float, torque: complex) -> 
     return found
 
 
-def table(rows: tuple[FrfComparison, ...]) -> str:
+def table(rows: tuple[FrfComparison, ...], what: str = "torque") -> str:
     """Errors in percent, and resonance and damping ratio, measured and of the plant, from small amplitude to large."""
     width = max([len(r.name) for r in rows] + [8])
-    lines = [f"{'response':{width}}  {'use':8}  {'torque':>8}  {'floor':>8}  {'simulation':>10}  "
+    lines = [f"{'response':{width}}  {'use':8}  {what:>8}  {'floor':>8}  {'simulation':>10}  "
              f"{'resonance [Hz]':>18}  {'damping ratio':>17}   measured / plant"]
     for r in sorted(rows, key=lambda r: float(np.median(r.amplitude))):
         both = (r.resonance, r.model_resonance)

@@ -71,6 +71,11 @@ class ResidualMap:
         return np.abs(self.mean - self.expected) > self.band
 
     @property
+    def stands_out(self) -> bool:
+        """Whether what is greatest is worth a word, and more than noise."""
+        return bool(self.share >= _NOTABLE and self.outside.any())
+
+    @property
     def low(self) -> Array:
         """(b,) lower edge of the band; an amplitude is not negative."""
         return np.zeros(len(self.mean)) if self.name.endswith("_harmonic") else self.expected - self.band
@@ -104,7 +109,7 @@ class ResidualMap:
         """Of a figure."""
         what = {
             "autocorrelation": "autocorrelation of the residual",
-            "input_correlation": "correlation of the residual with the torque",
+            "input_correlation": f"correlation of the residual with the {self.label.removeprefix('lag behind the ')}",
             "frequency": "spectrum of the residual",
             "revolution_harmonic": "residual, harmonics of the revolution",
             "time_harmonic": "residual, harmonics of the excitation",

@@ -342,7 +342,8 @@ class Residuals:
             spread = rho @ np.where(np.arange(len(rho)) > 0, 2.0, 1.0) * (of_input / max(of_input[0], 1e-300))
             variance = max(float(np.sum(spread)), 1.0) / total + (alike / Z) ** 2
         step = records[0].observation.step
-        label = "lag" if name == "autocorrelation" else "lag behind the torque"
+        push = "torque" if self.torque == "N m" else "force"
+        label = "lag" if name == "autocorrelation" else f"lag behind the {push}"
         return ResidualMap(
             name, label, "s", "1", np.asarray(step * lags, float), value, expected, Z * np.sqrt(variance),
             np.full(len(lags), float(total)),

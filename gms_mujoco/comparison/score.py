@@ -16,21 +16,27 @@ class Score:
     """One kind of error.
 
     Attributes:
-        of: "torque" or "position".
+        of: "torque" or "position", as files say it.
         unit: of the error, "1" or "rad".
         head: of a column of errors.
         meaning: a sentence.
+        word: what people call it: of a slide joint "force".
     """
 
     of: str
     unit: str
     head: str
     meaning: str
+    word: str
 
     @property
     def name(self) -> str:
         """As in "torque error"."""
-        return f"{self.of} error"
+        return f"{self.word} error"
+
+    def of_kind(self, kind: str) -> Score:
+        """The same of a joint of that kind, "hinge" or "slide"."""
+        return FORCE if self is TORQUE and kind == "slide" else self
 
     def pooled(self, residuals: Sequence[Array], measured: Sequence[Array]) -> float:
         """The error of several records of equal weight.
@@ -56,13 +62,16 @@ class Score:
 
 TORQUE = Score(
     "torque", "1", "torque error in % of the torque",
-    "Torque that the model does not account for, as a share of the torque's rms",
+    "Torque that the model does not account for, as a share of the torque's rms", "torque",
+)  # fmt: skip
+FORCE = Score(
+    "torque", "1", "force error in % of the force",
+    "Force that the model does not account for, as a share of the force's rms", "force",
 )  # fmt: skip
 POSITION = Score(
     "position", "rad", "mean absolute error of the position [mrad]",
-    "Mean absolute difference of the measured position from the one simulated from the goal",
+    "Mean absolute difference of the measured position from the one simulated from the goal", "position",
 )  # fmt: skip
-SCORES = {s.of: s for s in (TORQUE, POSITION)}
 
 
 def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> float:

@@ -62,7 +62,7 @@ def conclude(
     left = np.split(last.misfit.residual(last.vector), last.misfit.splits)
     remainder = ""
     if not at_floor:
-        size = f"{last.score.told(last.error)} of the {last.score.of}"
+        size = f"{last.score.told(last.error)} of the {last.score.word}"
         when = f"most of it {moments}" if moments else ""
         fitted = () if search.at_floor else (size, describe(last.plant, last.misfit.observations, left), when)
         said = (*fitted, *said, "" if holds else _elsewhere(steps[-1].comparison), _other_curve(search))
@@ -227,7 +227,8 @@ def _elsewhere(comparison: Comparison | None) -> str:
     if comparison is None:
         return ""
     error, floor = comparison.determined
-    size = f"{comparison.score.told(comparison.error)} of the {comparison.score.of} of the records that were not fitted"
+    score = comparison.score
+    size = f"{score.told(comparison.error)} of the {score.word} of the records that were not fitted"
     if error > AT_FLOOR * floor:
         size += f", {error / floor:.2g} times what noise leaves"
     runs = comparison.records

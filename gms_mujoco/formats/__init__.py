@@ -31,6 +31,7 @@ from . import stamps
 Array = NDArray[np.float64]
 
 EPISODE = "episode_index"  # column of the data sets of LeRobot
+LARGEST = 1e30  # of what is measured, in SI; no axis has more of anything, and squares still fit into a double
 _SOME = 8  # names in a message
 _MOST_IN_TURNS = 12  # motors on a bus
 _MOSTLY = 0.95  # of the rows
@@ -146,6 +147,11 @@ def some_of(values: NDArray[Any]) -> str:
 
 
 @cache
+def why_unusable(value: float) -> str:
+    """Why a value is none that was measured, for a message."""
+    return "more than any axis has" if np.isfinite(value) else "not a finite number"
+
+
 def suffixes() -> dict[str, ModuleType]:
     """Every readable file ending and the format that reads it."""
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))

@@ -29,7 +29,6 @@ _NO_UNITS = ("%", "‰")  # of something that only the user knows
 _MANY = 20  # different whole numbers, which are no radians or metres
 _COARSE = 0.02  # of the stamps of a clock repeat the one before
 _SPARSE = 0.5  # of the rows of the position, that a column of the same source has at least
-_LARGEST = 1e30  # in SI; no axis has more of anything, and squares still fit into a double
 
 
 @dataclass(frozen=True)
@@ -395,11 +394,12 @@ def check(table: formats.Table, columns: Mapping[str, Array], fewest: int = 16) 
     if len(set(lengths.values())) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in lengths.items()))
     for key, value in columns.items():
-        bad = np.flatnonzero(~(np.abs(value) < _LARGEST))
+        bad = np.flatnonzero(~(np.abs(value) < formats.LARGEST))
         if len(bad):
-            whole = np.all([np.abs(v) < _LARGEST for v in columns.values()], axis=0)
+            whole = np.all([np.abs(v) < formats.LARGEST for v in columns.values()], axis=0)
             without = f", or leave it out with columns = {{ {key} = false }}" if key in OPTIONAL else ""
-            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, not a finite number ({len(bad)} such); "
+            why = formats.why_unusable(value[bad[0]])
+            raise DataError(f"{table.place(bad[0])}: {key} is {value[bad[0]]}, {why} ({len(bad)} such); "
                             + timing.parts(columns["time"], whole) + without)
     if lengths["time"] < fewest:
         raise DataError(f"{lengths['time']} samples; at least {fewest} are needed")

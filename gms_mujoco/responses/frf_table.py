@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, listing
-from ..formats import Table
+from ..formats import LARGEST, Table, why_unusable
 from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, response_unit
 from . import frf_units
 from .repeats import average_repeats, levels
@@ -38,7 +38,6 @@ _LEADS = 0.3  # sine of a phase, more than a measured one errs
 _SCATTERS = 0.3  # of the response: more than repeats differ
 _OURS = re.compile(rf"# (\d+): .*?: ({'|'.join(OUTPUTS)}) over (\w+) \[(.*?)\](?:;.*)?$")  # a comment of `to_csv`
 _FEW = 6  # quantities at most in a file that has a line for each
-_LARGEST = 1e30
 
 
 def from_table(table: Table, name: str, input: str, output: str, **more: Any) -> FRF:
@@ -346,12 +345,11 @@ def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -
     if len(set(sizes.values())) > 1:
         raise DataError("columns differ in length: " + ", ".join(f"{k} has {n}" for k, n in sizes.items()))
     for key, (values, at) in raw.items():
-        for wrong, expected in (
-            (~(np.abs(values) < _LARGEST), "not a finite number"),
-            (values <= 0 if key == "excitation" else np.zeros(len(values), bool), "not a positive amplitude"),
-        ):
-            bad = np.flatnonzero(wrong)
+        large, positive = np.abs(values) < LARGEST, values > 0 if key == "excitation" else np.ones(len(values), bool)
+        for right in (large, positive):
+            bad = np.flatnonzero(~right)
             if len(bad):
+                expected = why_unusable(values[bad[0]]) if right is large else "not a positive amplitude"
                 place = f"line {int(at) + 1}, number {bad[0] + 1}" if per_line else table.place(int(bad[0]))
                 raise DataError(f"{place}: {key} is {values[bad[0]]}, {expected} ({len(bad)} such)")
 

@@ -24,6 +24,7 @@ _THIN, _BROAD = -0.9, -2.2  # radii; negative: in points of the screen
 _MOST = 4000  # points of one curve
 _COLUMNS = 320  # that shade a band
 _LETTER = 0.042  # width of a letter of a label in a view of a sixth of the screen, about
+_ROW = 0.15  # from one row above the box to the next, and to the box
 _PATIENCE = 60.0  # s, until what is on its way to a file has arrived
 _BEHIND, _ABOVE = 5.0, 30.0  # draw orders: lines have 20
 
@@ -88,11 +89,13 @@ def draw(
     _axes(stream, entity, (x0, x1), (y0, y1), log)
     titles = [f"{y_label} [{y_unit}]" if y_unit != "1" else y_label]
     titles.append(f"{x_label} [{x_unit}]" if x_unit != "1" else x_label)
-    stream.log(f"{entity}/axes/labels", labels([(0.15, -0.15), (BOX[0] / 2, BOX[1] + 0.13)], titles), static=True)
-    if len(curves) > 1 or bands:
-        names = [(c.name, rgb(c.colour)) for c in curves] + ([(band_name, _GREY)] if bands else [])
-        widths = np.array([_LETTER * (len(n) + 3) for n, _ in names])
-        places = [(BOX[0] - float(w), -0.15) for w in np.cumsum(widths[::-1])[::-1] - widths / 2]
+    names = [(c.name, rgb(c.colour)) for c in curves] + ([(band_name, _GREY)] if bands else [])
+    titled, *widths = (_LETTER * (len(n) + 3) for n in [titles[0], *(n for n, _ in names)])
+    # A title that the legend would stand on goes above it.
+    above = _ROW if len(names) < 2 or 0.15 + titled / 2 < BOX[0] - sum(widths) else 2 * _ROW
+    stream.log(f"{entity}/axes/labels", labels([(0.15, -above), (BOX[0] / 2, BOX[1] + 0.13)], titles), static=True)
+    if len(names) > 1:
+        places = [(BOX[0] - sum(widths[k:]) + w / 2, -_ROW) for k, w in enumerate(widths)]
         legend = rr.Points2D(places, labels=[n for n, _ in names], colors=[c for _, c in names], radii=-3.0,
                              show_labels=True, draw_order=_ABOVE)  # fmt: skip
         stream.log(f"{entity}/axes/legend", legend, static=True)
@@ -100,7 +103,7 @@ def draw(
 
 def view(entity: str, name: str) -> rrb.Spatial2DView:
     """The view that shows a drawing, whole and without margins to search."""
-    bounds = rrb.VisualBounds2D(x_range=[-0.35, BOX[0] + 0.1], y_range=[-0.25, BOX[1] + 0.3])
+    bounds = rrb.VisualBounds2D(x_range=[-0.35, BOX[0] + 0.1], y_range=[-0.35, BOX[1] + 0.3])
     return rrb.Spatial2DView(origin=entity, name=name, visual_bounds=bounds)
 
 
@@ -142,7 +145,7 @@ def _axes(
 
 
 def _number(value: float, logarithmic: bool) -> str:
-    return f"{10**value:.3g}" if logarithmic else f"{value:.6g}"
+    return f"{10**value if logarithmic else value:.6g}"
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

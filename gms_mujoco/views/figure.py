@@ -93,8 +93,8 @@ def bars(
     body = []
     for i, (name, value) in enumerate(rows):
         y = 34 * i + 8
-        long = scale * value if math.isfinite(value) else 0.0
-        body.append(f'<rect x="{left}" y="{y}" width="{long:.1f}" height="22" rx="2" fill="{COLOURS[min(i, 1) + 1]}"/>')
+        long, colour = scale * value if math.isfinite(value) else 0.0, step_colour(i, len(rows))
+        body.append(f'<rect x="{left}" y="{y}" width="{long:.1f}" height="22" rx="2" fill="{colour}"/>')
         body.append(_text(left - 8, y + 16, name, "end"))
         body.append(_text(left + long + 6, y + 16, told(value), "start"))
     if floor is not None and math.isfinite(floor):
@@ -102,6 +102,13 @@ def bars(
         body.append(f'<path d="M{x:.1f},2V{height - 20}" stroke="currentColor" stroke-dasharray="4 3"/>')
         body.append(_text(x, height - 5, f"noise floor {told(floor)}", "middle" if x > left + 60 else "start"))
     return f'<div class="bars" style="max-width:{width}px">{_svg(body, width, height, "errors after each step")}</div>'
+
+
+def step_colour(step: int, steps: int) -> str:
+    """Of a model among those of a diagnosis: red for the baseline, green for the last."""
+    if step in (0, steps - 1):
+        return COLOURS[1 if step == 0 else 2]
+    return COLOURS[(4, 3)[(step - 1) % 2]]
 
 
 def legend(items: Sequence[tuple[str, str]], band: str = "") -> str:
@@ -217,7 +224,7 @@ def _axes(
         out.append(f'<path d="M{px:.1f},{_TOP}V{bottom}" class="grid"/>' + _text(px, bottom + 15, text, "middle"))
     for y in decades(y0, y1) if log[1] else ticks(y0, y1):
         py = bottom - (y - y0) / (y1 - y0) * (bottom - _TOP)
-        text = f"{10**y:.3g}" if log[1] else f"{y:.4g}"
+        text = f"{10**y:.6g}" if log[1] else f"{y:.6g}"
         out.append(f'<path d="M{_LEFT},{py:.1f}H{right}" class="grid"/>' + _text(_LEFT - 6, py + 4, text, "end"))
     out.append(_text((_LEFT + right) / 2, height - 6, x_label, "middle"))
     middle = (_TOP + bottom) / 2

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..comparison.noise_band import Z
 from ..comparison.score import POSITION, TORQUE
+from ..effect import LOADED
 from ..identification.undetermined import TELLS, by_experiment
 from ..plant import Plant
 from . import figure
@@ -30,6 +31,7 @@ _ALWAYS = ("revolution_harmonic", "frequency", "autocorrelation")
 
 RESIDUAL = {  # in words, by what the error is of
     "torque": "measured torque less the torque that the model needs along the measured motion",
+    "force": "measured force less the force that the model needs along the measured motion",
     "position": "measured position less the one simulated from the goal",
 }
 
@@ -113,6 +115,13 @@ def provenance(plant: Plant) -> str:
     return f"<section><h2>Where the numbers come from</h2>{table((), rows)}</section>"
 
 
+def conditions(plant: Plant) -> str:
+    """Where the curves of a plant are drawn that depend on more than the motion, for the end of a title; else empty."""
+    said = ["without load"] if LOADED in plant else []
+    said += ["at 20 degC"] if any(e.thermometer for e in plant.effects) else []
+    return "".join(f", {s}" for s in said)
+
+
 def origin(plant: Plant) -> list[tuple[str, str]]:
     """The provenance of a plant as people write it, with units."""
     out = dict(plant.provenance)
@@ -149,8 +158,8 @@ def where_it_fails(shown: Shown) -> str:
         more = key + grid([view_figure(shown, m) for m in rest])
         parts.append(f"<details><summary>{len(rest)} more views</summary>{more}</details>")
     return (
-        f"<section><h2>Where it fails</h2><p>Mean of the residual, which is {RESIDUAL[first.score.of]}. A mean within "
-        "the grey band may be sensor noise.</p>"
+        f"<section><h2>Where it fails</h2><p>Mean of the residual, which is {RESIDUAL[first.score.word]}. A mean "
+        "within the grey band may be sensor noise.</p>"
         + "".join(parts) + "</section>"
     )  # fmt: skip
 
@@ -175,7 +184,7 @@ def view_figure(shown: Shown, like: ResidualMap) -> str:
         bands = [Band(m.centres[keep], m.low[keep], m.high[keep])]
         if m.style == "steps" and np.isfinite(m.share):
             said.append(f"{escape(name)} {100 * m.share:.0f} %")
-    note = f"{', '.join(said)} of its square" if said else like.detail
+    note = f"{', '.join(said)} of its square" if said else like.detail if like.stands_out else ""
     note = f" <small>{note}</small>" if note else ""
     picture = figure.plot(
         curves, like.label, like.unit, like.value_label, like.value_unit, bands=bands, log=like.log
@@ -216,7 +225,7 @@ def _record(shown: Shown, i: int) -> str:
     first, last = rows[0][1], rows[-1][1]
     torque, angle = _units(shown)
     near = figure.worst_stretch(first.residual)
-    push = "torque" if torque == "N m" else "force"
+    push = shown[0][1].score.word
     needed = [Curve("measured", first.time[near], first.measured[near], figure.COLOURS[0], "under")]
     needed += [Curve(n, r.time[near], r.needed[near], colour) for n, r, colour in rows]
     seen = friction(shown[-1][1], last)[0]
@@ -239,10 +248,8 @@ def _record(shown: Shown, i: int) -> str:
     if harmonics:
         pictures.append(view_figure(shown, harmonics))
     errors = ", ".join(f"{escape(n)} {percent(r.torque_error)}" for n, r, _ in rows)
-    return (
-        f"<h3>{escape(first.name)} <small>torque error {errors}; noise floor {percent(last.noise_floor)}</small></h3>"
-        + grid(pictures)
-    )
+    said = f"{shown[0][1].score.name} {errors}; noise floor {percent(last.noise_floor)}"
+    return f"<h3>{escape(first.name)} <small>{said}</small></h3>" + grid(pictures)
 
 
 def _after_reversal(shown: Shown) -> str:

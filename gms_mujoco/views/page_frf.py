@@ -24,9 +24,10 @@ def responses(shown: Shown) -> str:
     cells = [_response(shown, i) for i in order]
     folded = f"<details><summary>{len(cells) - _OPEN} more responses</summary>{''.join(cells[_OPEN:])}</details>"
     key = figure.legend([("measured", figure.COLOURS[0]), *((n, colour) for n, _, colour in shown)], NOISE)
+    folded = folded if len(cells) > _OPEN else ""
     return (
-        "<section><h2>Frequency responses</h2><p>Position over torque. The model is taken at the amplitude of the "
-        f"motion measured.</p>{_resonances(shown)}{key}{''.join(cells[:_OPEN])}{folded if len(cells) > _OPEN else ''}"
+        f"<section><h2>Frequency responses</h2><p>Position over {shown[0][1].score.word}. The model is taken at the "
+        f"amplitude of the motion measured.</p>{_resonances(shown)}{key}{''.join(cells[:_OPEN])}{folded}"
         "</section>"
     )
 
@@ -71,7 +72,8 @@ def _response(shown: Shown, i: int) -> str:
         ]
     errors = ", ".join(f"{escape(n)} {percent(r.torque_error)}" for n, r, _ in rows)
     cells = "".join(f"<div>{p}</div>" for p in pictures)
+    said = f"{shown[0][1].score.name} {errors}; noise floor {percent(last.noise_floor)}"
     return (
-        f"<h3>{escape(first.name)} <small>torque error {errors}; noise floor {percent(last.noise_floor)}</small></h3>"
+        f"<h3>{escape(first.name)} <small>{said}</small></h3>"
         f'<div class="plots">{cells}</div>'
     )

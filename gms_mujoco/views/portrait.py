@@ -16,7 +16,7 @@ from ..plant import Plant
 from . import drawing
 from .drawing import draw
 from .figure import COLOURS, Curve, prefixed
-from .page import origin
+from .page import conditions, origin
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
 
         def show(entity: str, name: str, *drawn: object, **how: object) -> None:
             draw(stream, entity, *drawn, **how)  # type: ignore[arg-type]
-            views.append(drawing.view(entity, name))
+            views.append(drawing.view(entity, name + conditions(plant)))
 
         if reach:
             distance, friction = virgin_curve(plant, 5 * reach)
@@ -65,7 +65,8 @@ def write_portrait(path: str | Path, plant: Plant) -> None:
         if not np.allclose(forward, backward, rtol=1e-3):
             curves.append(Curve("backward", speed, backward, COLOURS[1]))
         if forward.any():
-            show("speed", "steady turning: friction over speed", curves, "speed", f"{angle}/s", "friction", torque,
+            moving = "turning" if plant.kind == "hinge" else "motion"
+            show("speed", f"steady {moving}: friction over speed", curves, "speed", f"{angle}/s", "friction", torque,
                  log=(True, False))  # fmt: skip
         if reach and plant.inertia:
             amplitude = reach * np.geomspace(1e-3, 3.0, 40)
@@ -145,4 +146,4 @@ def slow_turn(plant: Plant) -> tuple[Array, Array, Array]:
 def _named_loop(plant: Plant, amplitude: float, unit: str, colour: str) -> Curve:
     position, friction = hysteresis(plant, np.array([amplitude]))
     scale, unit = prefixed(amplitude, unit)
-    return Curve(f"{amplitude / scale:.2g} {unit}", position[0], friction[0], colour)
+    return Curve(f"{float(f'{amplitude / scale:.2g}'):g} {unit}", position[0], friction[0], colour)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..compare import WINDOW
-from ..comparison.score import SCORES, TORQUE, Score
+from ..comparison.score import Score
 from ..version import __version__
 from . import figure
 from .figure import COLOURS
@@ -41,7 +41,7 @@ def render(diagnosis: Diagnosis) -> str:
     """The page of a diagnosis as text."""
     facts = diagnosis.to_dict()
     title = "What this axis is missing"
-    parts = [f"<h1>{title}</h1>", _verdict(facts), _steps(facts)]
+    parts = [f"<h1>{title}</h1>", _verdict(facts), _steps(facts, diagnosis.score)]
     comparisons = list(diagnosis.comparisons)
     if comparisons:
         names = step_names(facts)
@@ -50,7 +50,7 @@ def render(diagnosis: Diagnosis) -> str:
             shown.append((names[-1], comparisons[-1], COLOURS[2]))
         parts += _in_time(shown)
         parts.append(responses(shown))
-    parts += [_candidates(facts), parameters(diagnosis.plant, "The final plant")]
+    parts += [_candidates(facts, diagnosis.score), parameters(diagnosis.plant, "The final plant")]
     parts += [_data(facts), provenance(diagnosis.plant)]
     return html_page(title, "\n".join(p for p in [*parts, _footer()] if p))
 
@@ -75,10 +75,14 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
     ]
     pooled = (score.told(comparison.error), score.told(comparison.noise_floor), percent(comparison.simulation_error))
     rows.append(["<b>pooled</b>", "", *(f"<b>{v}</b>" for v in pooled)])
-    heads = ("record", "use", score.name, "noise floor", "simulation error")
+    timed = "record" if comparison.timed else ""
+    what = " or ".join(filter(None, (timed, "response" if comparison.frfs else "")))
+    heads = (what, "use", score.name, "noise floor", "simulation error")
+    simulated = [f"of the change of position over {1000 * WINDOW:.0f} ms"] if timed else []
+    simulated += ["of a response under the same torque, once the motion is steady"] if comparison.frfs else []
     note = (
-        f"<p>Torque error: rms of the residual up to {comparison.bandwidth:.0f} Hz over the rms of the measured "
-        f"torque. Simulation error: of the change of position over {1000 * WINDOW:.0f} ms.</p>"
+        f"<p>{_upper(score.name)}: rms of the residual up to {comparison.bandwidth:.0f} Hz over the rms of the "
+        f"measured {score.word}. Simulation error: {'; '.join(simulated)}.</p>"
     )
     if comparison.servos:
         note = (
@@ -103,11 +107,6 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
 def step_names(facts: dict[str, Any]) -> list[str]:
     """What each step of `diagnosis.json` is called on a figure."""
     return ["baseline" if s["effect"] is None else f"+ {s['effect']}" for s in facts["steps"]]
-
-
-def score_of(facts: dict[str, Any]) -> Score:
-    """What the errors in `diagnosis.json` are of."""
-    return SCORES.get(facts.get("error_of", ""), TORQUE)
 
 
 def _sentence(text: str) -> str:
@@ -137,9 +136,8 @@ def _verdict(facts: dict[str, Any]) -> str:
     )
 
 
-def _steps(facts: dict[str, Any]) -> str:
-    names, score = step_names(facts), score_of(facts)
-    rows, said = [], ""
+def _steps(facts: dict[str, Any], score: Score) -> str:
+    names, rows, said = step_names(facts), [], ""
     for name, s in zip(names, facts["steps"], strict=True):
         evidence = escape(s.get("evidence") or "")
         if s.get("confusable_with"):
@@ -161,12 +159,11 @@ def _steps(facts: dict[str, Any]) -> str:
     )
 
 
-def _candidates(facts: dict[str, Any]) -> str:
+def _candidates(facts: dict[str, Any], score: Score) -> str:
     if not facts.get("candidates"):
         return ""
     ranked = sorted(facts["candidates"], key=lambda c: (c.get("p_value") is None, c.get("p_value")))
-    told = score_of(facts).told
-    rows = [[escape(c["effect"]), told(c.get("validate_error")), number(c.get("p_value"))] for c in ranked]
+    rows = [[escape(c["effect"]), score.told(c.get("validate_error")), number(c.get("p_value"))] for c in ranked]
     return (
         "<section><h2>Effects that were tried and not added</h2><p>p value: how easily chance alone would lower the "
         "error on held-out blocks as much. A small one alone adds no effect: near the noise floor, or where it would "

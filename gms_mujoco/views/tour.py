@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..comparison.compare_frf import decibel, degrees, turned
+from ..comparison.score import Score
 from ..identification.motion import break_away_distance, virgin_curve
 from . import drawing
 from .drawing import BOX, draw, labels, part, rgb, say, series, text
-from .figure import COLOURS, Band, Curve, worst_stretch
-from .page import RESIDUAL, friction, percent, telling, worst_first
-from .report import VERDICTS, score_of, step_names
+from .figure import COLOURS, Band, Curve, step_colour, worst_stretch
+from .page import RESIDUAL, conditions, friction, percent, telling, worst_first
+from .report import VERDICTS, step_names
 from .tour_servo import servo_baseline, servo_run
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ Shown = list[tuple[str, "Comparison", str]]  # name, comparison and colour of ea
 
 _GREY = (150, 150, 150)
 _FIRST, _LAST = COLOURS[1], COLOURS[2]
-_MIDDLE = (COLOURS[4], COLOURS[3])
 _ROW = 0.3  # from bar to bar
 
 
@@ -50,14 +50,14 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
     facts = diagnosis.to_dict()
     names = step_names(facts)
     named = enumerate(zip(names, diagnosis.comparisons, strict=False))
-    models = [(n, c, _colour(k, len(names))) for k, (n, c) in named]
+    models = [(n, c, step_colour(k, len(names))) for k, (n, c) in named]
     with drawing.recording(path) as stream:
-        tabs = [_verdict(stream, models, facts, names)]
+        tabs = [_verdict(stream, models, facts, names, diagnosis.score)]
         if models and models[0][1].timed:
             begun = (servo_baseline if models[0][1].servos else _baseline)(stream, models, diagnosis)
             tabs += [begun, _fails(stream, models)]
         if facts.get("candidates"):
-            tabs.append(_candidates(stream, models, facts))
+            tabs.append(_candidates(stream, models, facts, diagnosis.score))
         tabs += [_added(stream, models, facts, k) for k in range(1, len(models))]
         if models and models[0][1].timed:
             one = servo_run if models[0][1].servos else _record
@@ -73,8 +73,10 @@ def write_recording(path: str | Path, diagnosis: Diagnosis) -> None:
         stream.send_blueprint(blueprint)
 
 
-def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], names: list[str]) -> rrb.Container:
-    told = score_of(facts).told
+def _verdict(
+    stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], names: list[str], score: Score
+) -> rrb.Container:
+    told = score.told
     lines = [f"# {str(facts['verdict']).replace('_', ' ')}", "", VERDICTS.get(facts["verdict"], ""), ""]
     lines += ["| step | fit | validate |", "|---|---|---|"]
     for name, s in zip(names, facts["steps"], strict=True):
@@ -91,9 +93,9 @@ def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], n
     say(stream, "verdict", lines)
     held_out = all(s.get("validate_error") is not None for s in facts["steps"])
     errors = [float(s["validate_error" if held_out else "fit_error"]) for s in facts["steps"]]
-    rows = [(n, e, _colour(k, len(names))) for k, (n, e) in enumerate(zip(names, errors, strict=True))]
+    rows = [(n, e, step_colour(k, len(names))) for k, (n, e) in enumerate(zip(names, errors, strict=True))]
     bars = _bars(stream, "errors", rows, facts.get("noise_floor"), told)
-    bars.name = f"{score_of(facts).name} on {'validate' if held_out else 'fit'} records"
+    bars.name = f"{score.name} on {'validate' if held_out else 'fit'} records"
     if not models or not models[0][1].timed:
         return rrb.Horizontal(text("verdict", "verdict"), bars, name="verdict")
     # What the whole is about in three pictures: the errors, where the baseline failed most, and that in time.
@@ -111,7 +113,8 @@ def _verdict(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], n
 def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -> rrb.Container:
     name, c, colour = models[0]
     torque, angle = _units(c)
-    lines = ["# The baseline", "", f"Torque error {percent(c.torque_error)}, noise floor {percent(c.noise_floor)}.", ""]
+    said = c.score.name.capitalize()
+    lines = ["# The baseline", "", f"{said} {percent(c.torque_error)}, noise floor {percent(c.noise_floor)}.", ""]
     lines += ["| regime of friction | of the time | error | noise |", "|---|---|---|---|"]
     lines += [f"| {g.name} | {percent(g.time_share)} | {percent(g.error)} | {percent(g.floor)} |" for g in c.regimes]
     lines += ["", "| parameter | value | 95 % interval | unit |", "|---|---|---|---|"]
@@ -137,7 +140,7 @@ def _baseline(stream: rr.RecordingStream, models: Shown, diagnosis: Diagnosis) -
         rrb.Vertical(
             drawing.view("baseline/loop", f"hysteresis where it fails most, {worst.name}"),
             drawing.view("reversal", "how friction turns round after a reversal"),
-            drawing.view("virgin", "virgin curve of the model"),
+            drawing.view("virgin", f"virgin curve of the model{conditions(_ends(models)[-1][1].plant)}"),
         ),
         column_shares=[2, 3],
         name="baseline",
@@ -148,7 +151,7 @@ def _fails(stream: rr.RecordingStream, models: Shown) -> rrb.Container:
     c = models[0][1]
     lines = ["# Where the baseline fails", "", *c.where.splitlines(), ""]
     lines += [
-        f"Each drawing is the mean of the residual, {RESIDUAL[c.score.of]}, over one "
+        f"Each drawing is the mean of the residual, {RESIDUAL[c.score.word]}, over one "
         "quantity. Within the grey band it may be sensor noise. Share: of the squared residual that is a function of "
         "this quantity.",
         "",
@@ -163,14 +166,17 @@ def _fails(stream: rr.RecordingStream, models: Shown) -> rrb.Container:
     return rrb.Horizontal(text("fails", "where it fails"), grid, column_shares=[1, 3], name="where it fails")
 
 
-def _candidates(stream: rr.RecordingStream, models: Shown, facts: dict[str, Any]) -> rrb.Container:
+def _candidates(
+    stream: rr.RecordingStream, models: Shown, facts: dict[str, Any], score: Score
+) -> rrb.Container:
     ranked = sorted(facts["candidates"], key=lambda c: (c.get("p_value") is None, c.get("p_value")))
     lines = ["# Candidates that were not added", ""]
     lines += ["p value: how easily chance alone would lower the error on held-out blocks as much.", ""]
     lines += ["| effect | validate error | p value | what it would look like |", "|---|---|---|---|"]
     for c in ranked:
         signature = effects.find(c["effect"]).signature if c["effect"] in effects.CATALOGUE else ""
-        error = score_of(facts).told(c.get("validate_error"))
+        signature = signature.replace("torque error", score.name)
+        error = score.told(c.get("validate_error"))
         lines.append(f"| {c['effect']} | {error} | {_p(c.get('p_value'))} | {signature} |")
     say(stream, "candidates", lines)
     tried = text("candidates", "effects that were tried")
@@ -226,7 +232,7 @@ def _record(stream: rr.RecordingStream, models: Shown, i: int) -> rrb.Container:
     _loop(stream, f"{root}/loop", _ends(models), first.name)
     return rrb.Horizontal(
         rrb.Vertical(
-            rrb.TimeSeriesView(origin=f"{root}/torque", name=f"torque [{torque}]"),
+            rrb.TimeSeriesView(origin=f"{root}/torque", name=f"{models[0][1].score.word} [{torque}]"),
             rrb.TimeSeriesView(origin=f"{root}/residual", name=f"residual: measured - model [{torque}]"),
         ),
         drawing.view(f"{root}/loop", "friction over position where the baseline fails most"),
@@ -317,13 +323,6 @@ def _ends(models: Shown) -> Shown:
     name, c, _ = models[0]
     first = (name, c, _FIRST)
     return [first] if len(models) == 1 else [first, (models[-1][0], models[-1][1], _LAST)]
-
-
-def _colour(step: int, steps: int) -> str:
-    """Red for the baseline, green for the last model."""
-    if step == 0:
-        return _FIRST
-    return _LAST if step == steps - 1 else _MIDDLE[(step - 1) % 2]
 
 
 def _units(c: Comparison) -> tuple[str, str]:

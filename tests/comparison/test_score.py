@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gms_mujoco.comparison.score import POSITION, SCORES, TORQUE
+from gms_mujoco.comparison.score import FORCE, POSITION, TORQUE
 
 
 def test_a_torque_error_is_relative_and_a_position_error_is_in_radians() -> None:
@@ -17,4 +17,6 @@ def test_an_error_is_told_with_its_unit() -> None:
     assert (TORQUE.told(None), POSITION.told(None)) == ("-", "-")
     assert (TORQUE.column(0.0123), POSITION.column(0.0123), POSITION.column(None)) == ("1.23", "12.30", "-")
     assert "%" in TORQUE.head and "[mrad]" in POSITION.head
-    assert {s.of: s.name for s in SCORES.values()} == {"torque": "torque error", "position": "position error"}
+    assert [s.name for s in (TORQUE, FORCE, POSITION)] == ["torque error", "force error", "position error"]
+    assert TORQUE.of_kind("slide") is FORCE and FORCE.of == "torque"  # files have one name for both
+    assert TORQUE.of_kind("hinge") is TORQUE and POSITION.of_kind("slide") is POSITION

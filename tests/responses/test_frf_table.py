@@ -112,7 +112,10 @@ def test_units_of_both_ends_scale_and_torque_constant(tmp_path: Path) -> None:
 
 
 def test_what_we_write_comes_back(tmp_path: Path) -> None:
-    assert close(dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0])
+    read = dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0]
+    assert close(read)
+    again = to_csv([read])  # what it is stands in its header once
+    assert again.splitlines()[0].count("position over torque") == 1 and "from frequency [Hz], magnitude" in again
 
 
 def test_several_responses_in_a_file_come_back_each_with_what_it_has(tmp_path: Path) -> None:

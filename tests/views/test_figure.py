@@ -57,6 +57,20 @@ def test_units_take_the_prefix_that_makes_numbers_short(size: float, unit: str, 
     assert figure.prefixed(size, unit) == expected
 
 
+def test_marks_are_written_out_up_to_a_million() -> None:
+    svg = figure.plot([Curve("a", np.geomspace(1, 2e4, 9), np.geomspace(1, 2e4, 9), "#000")], "x", "", "y", "",
+                      log=(True, True))  # fmt: skip
+    assert ">10000<" in svg and "e+" not in svg
+
+
+def test_a_step_has_one_colour_wherever_it_is_drawn() -> None:
+    colours = [figure.step_colour(k, 4) for k in range(4)]
+    svg = figure.bars([(f"step {k}", 1.0) for k in range(4)], None, str)
+    assert colours[0] == figure.COLOURS[1] and colours[-1] == figure.COLOURS[2] and len(set(colours)) == 4
+    assert [svg.index(f'fill="{c}"') for c in colours] == sorted(svg.index(f'fill="{c}"') for c in colours)
+    assert figure.step_colour(0, 1) == figure.COLOURS[1]
+
+
 @given(st.floats(-6, 6), st.floats(0.2, 8))
 def test_marks_of_a_logarithmic_axis_lie_on_it(low: float, width: float) -> None:
     marks = figure.decades(low, low + width)

@@ -10,6 +10,7 @@ import gms_mujoco as gms
 from gms_mujoco import dahl_resonance as dahl
 from gms_mujoco.identification.motion import break_away_distance, virgin_curve
 from gms_mujoco.views import portrait
+from gms_mujoco.views.page import conditions
 
 AXIS = gms.Plant.load("servo_axis")
 REACH = break_away_distance(AXIS, 10.0)
@@ -73,6 +74,15 @@ def test_every_plant_that_comes_along_can_be_drawn(name: str, tmp_path: Path) ->
     for x, y in drawn.values():
         assert x.shape == y.shape and x.size > 10 and np.isfinite(x).all() and np.isfinite(y).all()
     assert all(name in rows["/parameters/text"]["text"][0][0] for name in plant.numbers())
+
+
+def test_a_curve_says_under_which_load_and_temperature_it_is_drawn() -> None:
+    load = gms.effects.LoadDependentFriction(coefficient=0.1)
+    drift = gms.effects.ThermalDrift(amplitude=0.3, time_constant=60.0)
+    bare = gms.Plant.axis(1.0) + gms.effects.Coulomb(coulomb=1.0)
+    measured = drift.replace(temperature_scale=10.0)
+    assert [conditions(p) for p in (bare, bare + drift)] == ["", ""]
+    assert conditions(bare + load + measured) == ", without load, at 20 degC"
 
 
 def test_an_axis_without_friction_has_its_parameters(tmp_path: Path) -> None:

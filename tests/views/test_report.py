@@ -5,9 +5,15 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from bench import HEALTHY, run
 from told import Told, tell
 
+import gms_mujoco as gms
+from gms_mujoco import effects
+from gms_mujoco.compare import compare
+from gms_mujoco.comparison.residual_maps import ResidualMap
 from gms_mujoco.plant import Plant
 from gms_mujoco.views import page, report
 
@@ -66,3 +72,29 @@ def test_where_numbers_come_from_is_told_with_units() -> None:
     assert told["clock skew"] == "2e-05 s"
     servo = dict(page.origin(Plant(1.0, provenance={"error": 1e-3, "error_of": "position, mean absolute [rad]"})))
     assert servo == {"error": "1 mrad"}
+
+
+def test_a_page_of_responses_alone_speaks_of_responses() -> None:
+    frfs = [gms.stepped_sine(HEALTHY, [10, 20, 40, 80], 1e-3), gms.stepped_sine(HEALTHY, [10, 20, 40, 80], 4e-3)]
+    text = report.render_comparison(compare(HEALTHY, frfs))
+    assert "<th class=\"k\">response</th>" in text and "of a response under the same torque" in text
+    assert "change of position" not in text
+
+
+def test_a_page_of_a_slide_joint_speaks_of_force_in_its_units() -> None:
+    slide = gms.Plant.axis(1.5, "slide") + effects.Coulomb(coulomb=4.0) + effects.Viscous(coefficient=8.0)
+    loaded = slide + effects.LoadDependentFriction(coefficient=0.1)
+    record = run(slide, 20 * np.sin(np.arange(0, 2, 1e-3) * 12), resolution=1e-7, torque_noise=1e-2)
+    found = compare(loaded, [record])
+    text = report.render_comparison(found)
+    assert "force error" in text and "torque" not in text.replace("torque less that", "") and "1/N" in text
+    assert "force up to" in str(found) and "torque" not in str(found)
+    assert found.to_dict()["error_of"] == "torque"  # files have one name for both
+
+
+def test_what_noise_alone_makes_is_no_finding() -> None:
+    edges = np.arange(1.0, 65.0)
+    noise = ResidualMap("revolution_harmonic", "harmonic", "1/rev", "N m", edges, np.ones(64), np.zeros(64),
+                        np.full(64, 2.0), np.full(64, 9.0), 0.04, "44 per revolution")  # fmt: skip
+    assert not noise.stands_out and replace(noise, mean=np.full(64, 3.0), share=0.5).stands_out
+    assert not replace(noise, mean=np.full(64, 3.0)).stands_out and not replace(noise, share=0.5).stands_out

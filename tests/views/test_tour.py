@@ -91,3 +91,19 @@ def test_a_drawing_fills_its_box(tmp_path: Path, log: tuple[bool, bool]) -> None
         assert np.diff(strip[:, 1]) / np.diff(strip[:, 0]) == pytest.approx(np.polyfit(*strip.T, 1)[0], rel=0.02)
     words = str(rows["/plot/axes/labels"])
     assert "y [µN m]" in words and "x [" in words
+
+
+@pytest.mark.parametrize("names", [["a"], ["a", "b"], ["baseline", "+ load_dependent_friction", "+ thermal_drift"]])
+def test_a_legend_leaves_the_title_of_the_axis_readable(names: list[str], tmp_path: Path) -> None:
+    x = np.linspace(0, 1, 50)
+    curves = [Curve(n, x, x, "#ff0000") for n in names]
+    with rr.RecordingStream("test") as stream:
+        stream.save(tmp_path / "a.rrd")
+        drawing.draw(stream, "plot", curves, "x", "rad", "residual", "N m", bands=[Band(x, x, x)])
+        stream.flush()
+        stream.disconnect()
+    rows = last_values(tmp_path / "a.rrd")
+    (_, title), *_ = rows["/plot/axes/labels"]["positions"][0]
+    (left, row), *_ = rows["/plot/axes/legend"]["positions"][0]
+    assert title < row or left > 0.15 + 0.042 * len("residual [N m]  " + names[0]) / 2
+    assert min(title, row) > -0.35  # within the view
