@@ -16,7 +16,7 @@ from .diagnosis.conclusion import conclude, fits_alone, lowered
 from .diagnosis.custom import Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
-from .diagnosis.friction_shape import with_exponents, without_vanished
+from .diagnosis.friction_shape import with_exponents, with_many_elements, without_vanished
 from .diagnosis.given_inertia import corrected, free, is_doubtful
 from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_drive
 from .diagnosis.given_setup import corrected_setup
@@ -229,7 +229,7 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
         free_to_bend = gone_on(with_exponents(kept.result, start))
         if has_moments(kept.result, kept.held_out):
             return unbent(free_to_bend)
-        last = finished(without_vanished(free_to_bend))
+        last = finished(without_vanished(with_many_elements(free_to_bend)))
         if not drop_last(search, last):
             return last, ""
 

@@ -241,16 +241,34 @@ def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
             now, left = _better(now, left, refine(*finer), _PARTED)
         if now is before:
             break
-    if _asks_for_more(now, left) and (many := placed_anew(now.misfit, now.vector, most=_MOST_ELEMENTS)) is not None:
-        elements = many[0].coordinates.template["gms"].elements - now.plant["gms"].elements
-        now, left = _better(now, left, refine(*many), 1 - (1 - _PARTED) ** elements)
-    return now, left
+    return _with_many(now, left) if _asks_for_more(now, left) else (now, left)
+
+
+def with_many_elements(found: FitResult) -> FitResult:
+    """A fit at its end with as many elements of friction as there may be, placed anew, where it is not at the noise and
+    they take much of the rest: what is close enough to the floor for an effect to be named may be a third above it."""
+    if found.is_near_floor or not _may_have_more(found):
+        return found
+    return _with_many(found, cross_validated(found.misfit, found.vector))[0]
+
+
+def _with_many(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    many = placed_anew(now.misfit, now.vector, most=_MOST_ELEMENTS)
+    if many is None:
+        return now, left
+    elements = many[0].coordinates.template["gms"].elements - now.plant["gms"].elements
+    return _better(now, left, refine(*many), 1 - (1 - _PARTED) ** elements)
 
 
 def _asks_for_more(now: FitResult, left: HeldOut) -> bool:
-    """Whether a fit may have more elements of friction, and leaves little that is not noise."""
+    """Whether a fit may have more elements of friction, and is not at the noise floor."""
+    return _may_have_more(now) and not at_floor(now, left)
+
+
+def _may_have_more(now: FitResult) -> bool:
+    """Whether a fit has fewer elements of friction than it may have, and leaves little that is not noise."""
     few = now.score.of == "torque" and "gms" in now.plant and now.plant["gms"].elements < _MOST_ELEMENTS
-    return few and now.error**2 - now.floor**2 <= _COARSE**2 and not at_floor(now, left)
+    return few and now.error**2 - now.floor**2 <= _COARSE**2
 
 
 def following(now: FitResult) -> FitResult | None:

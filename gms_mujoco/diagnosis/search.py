@@ -135,11 +135,16 @@ class Search:
         last = self.steps[-1].result
         cost = last.misfit.cost(last.vector)
 
-        def leaves_less(plant: Plant) -> bool:
-            near, x = last.misfit.onto(plant, last.vector)
-            return near.cost(x) < cost
+        def plant(tried: Tried) -> Plant | None:
+            if tried.fitted:
+                return tried.plant
+            # Beside the plant as it has ended, whose friction may have other elements.
+            effect = tried.plant[tried.name]
+            beside = last.plant.replace(effect) if tried.name in last.plant else last.plant + effect
+            near, x = last.misfit.onto(beside, last.vector)
+            return beside if near.cost(x) < cost else None
 
-        return [(t.name, t.p_value, t.plant if t.fitted or leaves_less(t.plant) else None) for t in self.rejected]
+        return [(t.name, t.p_value, plant(t)) for t in self.rejected]
 
     def become(self, other: Search) -> None:
         """Goes on where another search has ended."""

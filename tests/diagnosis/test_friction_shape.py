@@ -15,6 +15,7 @@ from gms_mujoco.diagnosis.friction_shape import (
     spring_instead,
     turning_round,
     with_exponents,
+    with_many_elements,
     without_vanished,
 )
 from gms_mujoco.diagnosis.judgement import at_floor
@@ -99,6 +100,13 @@ def test_a_contact_that_gives_way_bit_by_bit_comes_down_to_the_noise_floor() -> 
     found, left = more_elements(before, cross_validated(before.misfit, before.vector))
     assert found.error < 0.2 * before.error and at_floor(found, left)
     assert 4 < found.plant["gms"].elements <= 16
+    ended = with_many_elements(before)
+    assert ended.error < 0.3 * before.error and 4 < ended.plant["gms"].elements <= 16
+
+
+def test_friction_at_the_noise_gets_no_more_elements_at_the_end() -> None:
+    found = fit_as_logged(baseline(J, elements=2), observe(runs(HEALTHY, seed=4), J))
+    assert found.is_near_floor and with_many_elements(found) is found
 
 
 def test_an_exponent_stays_where_a_curve_is_one() -> None:

@@ -6,6 +6,7 @@ from bench import HEALTHY, LEVEL, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.diagnosis.joint_fits import JointFits, rubs
+from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.observe import observe
@@ -43,3 +44,18 @@ def test_a_load_is_found_with_the_friction_that_it_has(tried: tuple[JointFits, F
     assert result.plant["backlash"].gap == pytest.approx(play.gap, rel=0.05)
     assert result.plant["backlash"].deceleration == pytest.approx(play.deceleration, rel=0.02)
     assert result.error < 0.3 * now.error
+
+
+@pytest.mark.parametrize("whole", [0, 1])
+@pytest.mark.parametrize("hidden", [
+    effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),
+    effects.ThermalDrift(amplitude=-0.5, time_constant=2.0),
+], ids=lambda e: e.name)  # fmt: skip
+def test_what_multiplies_friction_is_found_with_what_it_multiplies(hidden: Effect, whole: int) -> None:
+    """The level that contacts reach, or all of the torque, with what they hold at rest and drag."""
+    seen = tuple(observe(runs(HEALTHY + hidden.replace(whole=whole), seconds=4.0, seed=3), J))
+    healthy = fit_observations(HEALTHY, seen)
+    candidate = Screen(healthy.misfit, healthy.vector).candidate(type(hidden))
+    assert candidate is not None
+    misfit, x = JointFits(HEALTHY, seen, frozenset()).roughly(healthy, candidate)
+    assert misfit.plant(x)[hidden.name].values["whole"] == whole
