@@ -27,6 +27,9 @@ _FOLLOWS, _MOSTLY = 0.2, 0.4  # of the torque; of the square
 _CLEARLY, _HARDLY = 0.1, 0.03  # of the square: what hangs on a factor carries so much more than what does not
 _BESIDE = 0.5  # of the share of the loudest of several readings: less is its shadow
 _MOSTLY_THERE, _PART = 0.8, 0.3  # of what is tied to the place, in less than so much of the samples
+_MOMENTS = 160  # short parts of a record
+_RARE = 0.025  # of them, that hold most of what stands at few instants
+_RECORDS_TOLD, _TOLD = 3, 6  # of those instants: records, and instants of each
 _PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
 
@@ -107,7 +110,37 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
     burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
     if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
         said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
+    else:
+        said += _instants(runs, total)
     return "; ".join(said)
+
+
+def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str]:
+    """The few instants at which most of what is left stands, of the loudest records; nothing where it is all over."""
+    energy = np.array([np.bincount(_moment(o), p**2, _MOMENTS) for o, p in runs])
+    order = np.argsort(-energy, axis=None)
+    some = int(np.searchsorted(np.cumsum(energy.flat[order]), _MOSTLY_THERE * total)) + 1
+    if some > _RARE * energy.size:
+        return []
+    chosen = np.zeros(energy.shape, bool)
+    chosen.flat[order[:some]] = True
+    told = []
+    for k in np.argsort(-(energy * chosen).sum(1))[:_RECORDS_TOLD]:
+        o, p = runs[k]
+        parts = np.split(at := np.flatnonzero(chosen[k]), np.flatnonzero(np.diff(at) > 1) + 1)
+        here = [np.isin(_moment(o), part) for part in parts if len(part)]
+        times = [float(np.average(o.time[h], weights=p[h] ** 2)) for h in here]
+        if times:
+            told.append(f"{', '.join(f'{t:.3g}' for t in times[:_TOLD])} s in {o.record.name}")
+    share, time = energy[chosen].sum() / total, some / energy.size
+    more = ", and others" if len(told) < np.count_nonzero(chosen.any(1)) else ""
+    return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {', '.join(told)}{more}"]
+
+
+def _moment(o: Observation) -> NDArray[np.intp]:
+    """(m,) number of the short part of a record that each row is in."""
+    span = max(float(np.ptp(o.time)), 1e-300)
+    return np.minimum(((o.time - o.time[0]) / span * _MOMENTS).astype(int), _MOMENTS - 1)
 
 
 def _of_servo(runs: Sequence[ServoObservation], parts: Sequence[Array]) -> str:

@@ -70,6 +70,16 @@ def test_one_instant_is_said_with_its_time_and_record(records: list[Record]) -> 
     assert "periodic" not in said
 
 
+def test_few_instants_are_said_with_their_times_and_records(records: list[Record]) -> None:
+    hits = sum(np.where(np.abs(T - t) < 0.006, LEVEL, 0.0) for t in (0.4, 1.7, 2.6))
+    said = _of(HEALTHY, _with(records, hits))
+    assert "at few instants (" in said and "periodic" not in said
+    for record in records:
+        times = said.split(f" s in {record.name}")[0].split(": ")[-1].split(" s in ")[-1].split(", ")[-3:]
+        assert [float(t) for t in times] == pytest.approx([0.4, 1.7, 2.6], abs=0.01)
+    assert "instant" not in _of(HEALTHY, _with(records, 0.1 * LEVEL * np.random.default_rng(2).normal(size=len(T))))
+
+
 def test_a_torque_that_the_axis_does_not_follow_is_said_and_no_delay_is(records: list[Record]) -> None:
     """A log that is slower than its controller shows every tenth of the torques by which that answers its encoder."""
     hiss = 2 * LEVEL * np.random.default_rng(0).standard_normal(len(T))
