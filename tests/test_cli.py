@@ -237,12 +237,12 @@ def test_no_argument_is_passed_over(
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_disk_that_is_full_is_one_line(unbuffered: str, model: Path, small_set: Path) -> None:
+def test_a_disk_that_is_full_is_one_line(unbuffered: str, model: Path, small_set: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "gms_mujoco", "compare", str(model), str(small_set)],
-            stdout=full, stderr=subprocess.PIPE, text=True, env=environment,
+            stdout=full, stderr=subprocess.PIPE, text=True, env=environment, cwd=tmp_path,
         )  # fmt: skip
     assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines()[1:] == ["gms-mujoco: what it prints cannot be written (No space left on device)"]

@@ -345,7 +345,7 @@ def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[st
     """Beside a temperature that was logged, which friction follows or does not."""
     form = {k: v * SCALES.get(k, 1.0) for k, v in form.items()}
     hidden = HEALTHY + MODULATING[name].replace(**form)
-    temperature = 30 + 10 * np.sin(np.linspace(0, 9, round(3.0 / SAMPLE_TIME)))
+    temperature = 35 + 25 * np.sin(np.linspace(0, 9, round(3.0 / SAMPLE_TIME)))
     d = diagnose(dataset(hidden, temperature=temperature), UNKNOWN)
     assert [e.name for e in d] == [name]
     found = {k: d.plant[name].values[k] for k in form}

@@ -165,8 +165,9 @@ double Joint::slope_once(double h) const {
   double state[kMaxState], largest = 0;
   reset(state);
   const Level level = this->level(still, state);
-  // Friction that holds more than its level falls to it with the first move, which is no stiffness.
-  const double most = std::max(0.0, std::min({1.0, level.forward, level.backward}));
+  // Friction that holds more than its level falls to it with the first move, which is no stiffness. What differs between
+  // the directions falls whenever it turns back: over that explicit steps would chatter.
+  const double most = level.forward == level.backward ? std::min(std::max(level.forward, 0.0), 1.0) : 1.0;
   for (const double memory : {0.0, 1.0}) {  // a load with backlash is felt from the edge of its gap only
     std::vector<double> unknown;
     for (const Use& use : uses_) {

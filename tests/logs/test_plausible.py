@@ -10,7 +10,7 @@ import pytest
 from gms_mujoco import effects, formats
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import Dataset, load
-from gms_mujoco.errors import DataError
+from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.logs.plausible import filled
 from gms_mujoco.plant import Plant
@@ -180,9 +180,10 @@ def test_few_samples_are_called_few(tmp_path: Path) -> None:
     assert "only 120 samples to fit" in " ".join(logged(tmp_path, run=short).notes)
 
 
-def test_more_inertia_behind_a_coupling_than_there_is_leaves_no_forward_simulation() -> None:
+def test_more_inertia_behind_a_coupling_than_there_is_is_refused() -> None:
     too_much = PLANT + effects.find("flexible_coupling")(inertia=0.03, frequency=8.0)
-    assert np.isnan(compare(too_much, [RUN]).simulation_error)
+    with pytest.raises(ModelError, match="flexible_coupling must have less inertia than the axis"):
+        compare(too_much, [RUN])
 
 
 def held(run: Record, starts: range, samples: int) -> tuple[Record, np.ndarray]:
