@@ -492,13 +492,14 @@ def _keep_assets(spec: Any, source: Path, output: Path) -> None:
 def _chosen(baseline: Plant, names: str) -> Plant:
     """The axis of the baseline with the named effects, set up as in the baseline where it has them."""
     plant = replace(baseline, effects=tuple(e for e in baseline.effects if e.kind == "controller"))
-    for name in _names(names):
-        if _names(names).count(name) > 1:
+    chosen = _names(names)
+    for name in chosen:
+        if chosen.count(name) > 1:
             raise ModelError(f"--effects names {name} twice; an effect stands in a plant once")
         if name in plant:
             continue
         plant += baseline[name] if name in baseline else effects.find(name)()
-    if not _names(names):
+    if not chosen:
         raise ModelError(f"--effects names none; the effects are {', '.join(effects.CATALOGUE)}")
     return plant
 

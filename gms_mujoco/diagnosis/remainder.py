@@ -117,23 +117,24 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
 
 def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str]:
     """The few instants at which most of what is left stands, of the loudest records; nothing where it is all over."""
-    energy = np.array([np.bincount(_moment(o), p**2, _MOMENTS) for o, p in runs])
+    moments = [_moment(o) for o, _ in runs]
+    energy = np.array([np.bincount(m, p**2, _MOMENTS) for m, (_, p) in zip(moments, runs, strict=True)])
     order = np.argsort(-energy, axis=None)
     some = int(np.searchsorted(np.cumsum(energy.flat[order]), _MOSTLY_THERE * total)) + 1
     if some > _RARE * energy.size:
         return []
     chosen = np.zeros(energy.shape, bool)
     chosen.flat[order[:some]] = True
+    loud = [k for k in np.argsort(-(energy * chosen).sum(1)) if chosen[k].any()]
     told = []
-    for k in np.argsort(-(energy * chosen).sum(1))[:_RECORDS_TOLD]:
+    for k in loud[:_RECORDS_TOLD]:
         o, p = runs[k]
-        parts = np.split(at := np.flatnonzero(chosen[k]), np.flatnonzero(np.diff(at) > 1) + 1)
-        here = [np.isin(_moment(o), part) for part in parts if len(part)]
-        times = [float(np.average(o.time[h], weights=p[h] ** 2)) for h in here]
-        if times:
-            told.append(f"{', '.join(f'{t:.3g}' for t in times[:_TOLD])} s in {o.record.name}")
+        at = np.flatnonzero(chosen[k])
+        here = [np.isin(moments[k], part) for part in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)[:_TOLD]]
+        times = ", ".join(f"{np.average(o.time[h], weights=p[h] ** 2):.3g}" for h in here)
+        told.append(f"{times} s in {o.record.name}")
     share, time = energy[chosen].sum() / total, some / energy.size
-    more = ", and others" if len(told) < np.count_nonzero(chosen.any(1)) else ""
+    more = ", and others" if len(loud) > len(told) else ""
     return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {', '.join(told)}{more}"]
 
 

@@ -29,7 +29,7 @@ const gms::Effect gms_effect_load_dependent_friction = {
     "The same runs under several loads, in both directions: the load has to differ at the same speed.",
     {{"coefficient", "1/(N m)", 0, 0, gms::kInfinity, false, true, "c"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness grows with the level; 0: the level alone"},
-     {"whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"}},
+     gms::kWholeTorque},
     nullptr,
     nullptr,
     nullptr,

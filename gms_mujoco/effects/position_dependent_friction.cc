@@ -30,7 +30,7 @@ const gms::Effect gms_effect_position_dependent_friction = {
      {"amplitude", "1", 0, 0, 1, true, true, "a_i, relative to the level"},
      {"phase", "rad", 0, -gms::kInfinity, gms::kInfinity, true, true, "phi_i, at position zero"},
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness varies with the level; 0: the level alone"},
-     {"whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"}},
+     gms::kWholeTorque},
     nullptr,
     nullptr,
     nullptr,

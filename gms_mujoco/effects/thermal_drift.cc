@@ -71,7 +71,7 @@ const gms::Effect gms_effect_thermal_drift = {
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness fades with the level; 0: the level alone"},
      {"speed", "rad/s", 0, 0, gms::kInfinity, false, true, "V, speed that in the long run heats to theta = 1; 0: time does"},
      {"temperature_scale", "K", 0, 0, gms::kInfinity, false, true, "W, rise of the temperature that is theta = 1; 0: not used"},
-     {"whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"}},
+     gms::kWholeTorque},
     n_state,
     nullptr,
     nullptr,

@@ -146,12 +146,12 @@ def some_of(values: NDArray[Any]) -> str:
     return ", ".join(told) + (", ..." if len(found) > _SOME else "")
 
 
-@cache
 def why_unusable(value: float) -> str:
     """Why a value is none that was measured, for a message."""
     return "more than any axis has" if np.isfinite(value) else "not a finite number"
 
 
+@cache
 def suffixes() -> dict[str, ModuleType]:
     """Every readable file ending and the format that reads it."""
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))

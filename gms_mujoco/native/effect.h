@@ -147,6 +147,10 @@ struct Effect {
 // element, else one. `n_state` and `n_memory` are null where there is none.
 
 #ifndef GMS_MUJOCO_KERNEL
+// For the table of what multiplies friction by a factor, see `Level::scale`.
+constexpr Parameter kWholeTorque{
+    "whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"};
+
 extern const Effect* const kCatalogue[];
 extern const int kCatalogueSize;
 #endif
