@@ -68,6 +68,9 @@ class Layout:
     def has_torque(self, effect: str) -> bool:
         return native.BY_NAME[effect].has_torque
 
+    def is_friction(self, effect: str) -> bool:
+        return native.BY_NAME[effect].kind == "friction"
+
     def virgin(self, n: int) -> NDArray[np.float64]:
         """(n, n_state) of joints that have never moved: the next evaluation sets out from where they are."""
         state = np.zeros((n, self.n_state))

@@ -61,16 +61,23 @@ def _law(effect: str) -> str:
     return f"namespace gms_law_{effect} {{\n{text}\n}}"
 
 
-def _switch(result: str, name: str, arguments: str, values: str, cases: dict[int, str], fallback: str) -> str:
-    calls = "".join(f"  if (effect == {i}) return gms_law_{e}::{name}({values});\n" for i, e in cases.items())
-    return f"inline {result} {name}(int effect, {arguments}) {{\n{calls}  {fallback}\n}}"
+def _switch(declared: str, cases: dict[int, str], fallback: str) -> str:
+    """A function of the number of an effect: `declared`, with the expression for each."""
+    calls = "".join(f"  if (effect == {i}) return {x};\n" for i, x in cases.items())
+    return f"inline {declared} {{\n{calls}  {fallback}\n}}"
 
 
 def source(layout: Layout) -> str:
     """C++ of the friction of a model: all that the snippet needs at file scope."""
-    given = "const double* p, int n, const Motion& m, "
-    modulators = {i: e for i, e in enumerate(layout.effects) if layout.modulates(e)}
-    laws = {i: e for i, e in enumerate(layout.effects) if layout.has_torque(e)}
+    given = "int effect, const double* p, int n, const Motion& m"
+    modulated = {
+        i: f"gms_law_{e}::modulate(p, n, m, state, level)" for i, e in enumerate(layout.effects) if layout.modulates(e)
+    }
+    torques = {
+        i: "level.whole * " * layout.is_friction(e) + f"gms_law_{e}::torque(p, n, m, level, state, next)"
+        for i, e in enumerate(layout.effects)
+        if layout.has_torque(e)
+    }
     joints, uses = (", ".join(str(x) for row in table for x in row) for table in (layout.joints, layout.uses))
     return "\n".join(
         [
@@ -86,19 +93,15 @@ def source(layout: Layout) -> str:
             f"static const int kJoints[] = {{{joints}}};",
             f"static const int kUses[] = {{{uses}}};",
             f"static const int kImplicit[] = {{{', '.join(map(str, layout.implicit or (-1,)))}}};",
+            _switch(f"void modulate({given}, const double* state, Level& level)", modulated, ""),
             _switch(
-                "void", "modulate", given + "const double* state, Level& level", "p, n, m, state, level", modulators,
-                "",
-            ),
-            _switch(
-                "double", "torque", given + "const Level& level, const double* state, double* next",
-                "p, n, m, level, state, next", laws, "return 0;",
+                f"double torque({given}, const Level& level, const double* state, double* next)", torques, "return 0;"
             ),
             "}",
             _text("native/kernel.h"),
             '#undef std\n#pragma pop_macro("int")\n#endif',
         ]
-    )  # fmt: skip
+    )
 
 
 # What a native function has of a world: its parameters, its states, and where the new ones go.

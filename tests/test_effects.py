@@ -249,7 +249,7 @@ FRICTION = [n for n, c in effects.CATALOGUE.items() if c.is_native and c.kind ==
 
 @pytest.mark.parametrize("name", FRICTION)
 def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_factor(name, motion):
-    """Of what it holds at rest and of drag, too; and so are the elements and their changes."""
+    """Of what it holds at rest and of drag, too; and so are the elements, but not a spring beside it."""
     t, q, v = motion
     load, law = np.abs(np.sin(3 * t)) + 0.1, example(name, 5)
     alone = Plant.axis() + law
@@ -257,6 +257,8 @@ def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_fa
     factor = 1 + 0.7 * load
     torque = whole.joint().replay(t, q, v, load=load).torque
     assert np.allclose(torque, factor * alone.joint().replay(t, q, v).torque, rtol=1e-13, atol=0)
+    beside = (whole + effects.Spring(stiffness=2.0)).joint().replay(t, q, v, load=load).torque
+    assert np.allclose(beside, torque - 2.0 * q, rtol=1e-12, atol=1e-12)
     if any(p.per_element for p in law.parameters):
         apart, plain = whole.joint().elements(0, t, q, v, load=load), alone.joint().elements(0, t, q, v)
         assert np.allclose(apart, factor[:, None] * plain, rtol=1e-13, atol=0)

@@ -11,7 +11,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
               double* next) {
   const double direction = gms::sign(m.displacement);
   next[0] = direction == 0 ? state[0] : direction * p[0] * level.at(direction);
-  return -next[0] * level.whole;
+  return -next[0];
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
     }
     next[0] = direction * limit * (1 - gms::sign(u) * size);
   }
-  return -next[0] * level.whole;
+  return -next[0];
 }
 
 }  // namespace

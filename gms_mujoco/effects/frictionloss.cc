@@ -12,7 +12,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
   const double share = (m.velocity + p[2] * a) / p[1];
   next[kVelocity] = m.velocity;
   next[kAcceleration] = a;
-  return -std::fmin(std::fmax(share, -1.0), 1.0) * p[0] * level.at(share) * level.whole;
+  return -std::fmin(std::fmax(share, -1.0), 1.0) * p[0] * level.at(share);
 }
 
 }  // namespace

@@ -200,7 +200,6 @@ inline void each(const double* const* p, int n, int count, const Motion* m, cons
       way.follow(curve[j], left[j]);
       out[j] = move(p[j], n, of(j), way, from, to);
     }
-    out[j] *= of(j).whole;
   }
 }
 
@@ -213,7 +212,7 @@ void torques(const double* const* p, int n, int count, const Motion* m, const Le
 void alternatives(const double* const* p, int n, int count, const Motion& m, const Level* level,
                   const double* const* state, double* const* next, double* out) {
   if (m.displacement == 0) {
-    for (int j = 0; j < count; j++) out[j] = keep(n, state[j], next[j]) * level[j].whole;
+    for (int j = 0; j < count; j++) out[j] = keep(n, state[j], next[j]);
     return;
   }
   Way way[gms::kTogether];
@@ -227,7 +226,7 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
   for (int j = 0; j < count; j++) curve[j] = known[j] ? curve[j - 1] : curve_of(p[j] + 2 * n, m);
   for (int j = 0; j < count; j++) left[j] = known[j] ? left[j - 1] : left_of(p[j] + 2 * n, m, curve[j] * way[j].along);
   for (int j = 0; j < count; j++) way[j].follow(curve[j], left[j]);
-  for (int j = 0; j < count; j++) out[j] = move(p[j], n, level[j], way[j], state[j], next[j]) * level[j].whole;
+  for (int j = 0; j < count; j++) out[j] = move(p[j], n, level[j], way[j], state[j], next[j]);
 }
 
 // Whether an element does more than stick well below its limit: then it has to know the Stribeck curve, which is dear.
@@ -242,7 +241,7 @@ template <bool kUsual>
 inline double torque_of(const double* p, int any, const Motion& m, const Level& given, const double* state, double* next) {
   const int n = kUsual ? kBlock : any;
   const Level level = kUsual ? Level() : given;
-  if (m.displacement == 0) return keep(n, state, next) * level.whole;
+  if (m.displacement == 0) return keep(n, state, next);
   Way way = way_of(p, n, m, level);
   const double most = p[2 * n] * way.along, least = -p[2 * n] * way.against;
   long long slide = 0;
@@ -255,7 +254,7 @@ inline double torque_of(const double* p, int any, const Motion& m, const Level& 
   } else {
     way.hold();
   }
-  return kUsual ? block<kBlock, false, true>(p, p + n, way, state, next, 0) : move(p, n, level, way, state, next) * level.whole;
+  return kUsual ? block<kBlock, false, true>(p, p + n, way, state, next, 0) : move(p, n, level, way, state, next);
 }
 
 double torque(const double* p, int n, const Motion& m, const Level& level, const double* state, double* next) {

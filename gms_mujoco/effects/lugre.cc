@@ -71,10 +71,10 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
     w = s > 0 ? direction * bent(edge_at(p, direction, level), k, direction * w, std::fabs(m.displacement), s) : 0;
   }
   next[0] = w;
-  if (p[1] == 0 || m.velocity == 0) return -w * level.whole;
+  if (p[1] == 0 || m.velocity == 0) return -w;
   const double s = level_at(p, m.velocity, m.velocity, level);
   const double slips = s > 0 ? slip(edge_at(p, m.velocity, level), gms::sign(m.velocity) * w, s) : 1;
-  return (-w - damping_at(p, m.velocity) * m.velocity * (1 - slips)) * level.whole;
+  return -w - damping_at(p, m.velocity) * m.velocity * (1 - slips);
 }
 
 }  // namespace

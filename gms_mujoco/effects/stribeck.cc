@@ -18,13 +18,13 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
   if (p[4] > 0) {  // a function of the velocity of the moment, as viscous drag is
     next[0] = state[0];
     const double direction = gms::sign(m.velocity), share = grip(std::fabs(m.velocity) / p[4]);
-    return -direction * share * level.at(direction) * level.whole *
+    return -direction * share * level.at(direction) *
            gms::stribeck_level(m.velocity, p[0], p[1], p[2], p[3]);
   }
   const double direction = gms::sign(m.displacement);
   next[0] = direction == 0 ? state[0]
                            : direction * level.at(direction) * gms::stribeck_level(m, p[0], p[1], p[2], p[3]);
-  return -next[0] * level.whole;
+  return -next[0];
 }
 
 }  // namespace

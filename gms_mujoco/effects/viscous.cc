@@ -2,8 +2,8 @@
 
 namespace {
 
-double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double*, double*) {
-  return -p[0] * m.velocity * level.whole;
+double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double*, double*) {
+  return -p[0] * m.velocity;
 }
 
 }  // namespace

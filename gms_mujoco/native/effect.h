@@ -54,8 +54,8 @@ struct Motion {
 
 // Multipliers of the friction in each direction of motion. Effects that modulate friction (asymmetry, load,
 // position, temperature) write them; every friction law scales by `at(direction)` what grows with the real area of
-// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness. What multiplies the
-// torque as a whole, `whole`, every effect of kind "friction" that has a torque heeds.
+// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness. By `whole` the
+// joint multiplies the torque of each effect of kind "friction", which need not know of it.
 struct Level {
   double forward = 1;
   double backward = 1;

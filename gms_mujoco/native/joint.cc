@@ -1,6 +1,7 @@
 #include "joint.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace gms {
 
@@ -18,7 +19,8 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   }
   steepens_ |= effect->steepens;
   uses_.push_back({effect, n, std::vector<double>(p, p + size), n_state_});
-  const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1};
+  const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1,
+                  std::strcmp(effect->kind, "friction") == 0};
   if (effect->modulate) modulators_.push_back(call);
   if (effect->torque) torques_.push_back(call);
   only_ = modulators_.empty() && torques_.size() == 1 ? torques_[0] : Call{};
@@ -88,9 +90,10 @@ void Joint::sums(int count, const Joint* const* joints, const Motion* motion, co
   }
   std::fill(total, total + count, 0.0);
   for (size_t i = 0; i < first.torques_.size(); i++) {
+    const Call& x = first.torques_[i];
     for (int j = 0; j < count; j++) p[j] = joints[j]->torques_[i].p;
-    torques_of(first.torques_[i], p, count, motion, level, state, next, part);
-    for (int j = 0; j < count; j++) total[j] += part[j];
+    torques_of(x, p, count, motion, level, state, next, part);
+    for (int j = 0; j < count; j++) total[j] += x.share(level[j]) * part[j];
   }
 }
 
@@ -118,7 +121,7 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
     } else {
       for (int j = 0; j < count; j++) part[j] = x.effect->torque(p[j], x.n, motion, level[j], from[j], to[j]);
     }
-    for (int j = 0; j < count; j++) total[j] += part[j];
+    for (int j = 0; j < count; j++) total[j] += x.share(level[j]) * part[j];
   }
 }
 
@@ -133,7 +136,7 @@ double Joint::sum(const Motion& motion, const double* state, double* next, doubl
   if (parts) std::fill(parts, parts + uses_.size(), 0.0);
   double total = 0;
   for (const Call& x : torques_) {
-    const double part = x.effect->torque(x.p, x.n, motion, level, state + x.state, next + x.state);
+    const double part = x.share(level) * x.effect->torque(x.p, x.n, motion, level, state + x.state, next + x.state);
     if (parts) parts[x.use] = part;
     total += part;
   }

@@ -136,6 +136,9 @@ class Joint {
     const Effect* effect;
     const double* p;
     int n, state, use;
+    bool friction;  // which may be multiplied as a whole
+
+    double share(const Level& level) const { return friction ? level.whole : 1; }
   };
 
   static void torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,
