@@ -159,16 +159,27 @@ def shaped_as(law: Effect, found: Effect) -> Effect:
     return law.replace(**{k: found.values[k] for k in _SHAPE if k in found.values})
 
 
-def straightened(now: FitResult) -> Plant | None:
-    """The plant of a fit with friction that weakens at slow speed alone, where it does so over most of the speeds that
-    were measured: such a curve does what a drag does; None where it does not."""
+def straightened(now: FitResult) -> tuple[Plant, tuple[str, ...]] | None:
+    """The plant of a fit with friction that does not stand for a drag, and the names of what keeps it from that; None
+    where it does not as it is.
+
+    It does where it weakens over most of the speeds that were measured: in its place it weakens at slow speed alone.
+    And it may where its curve has another exponent than is usual: in its place it has the nearer of these.
+    """
     usual = Scales.of(now.misfit.observations)["rad/s"]
     for law in now.plant.effects:
         if "stribeck_velocity" not in law.values:
             continue
         static, coulomb, velocity = (float(np.asarray(x)) for x in (law.static, law.coulomb, law.stribeck_velocity))
-        if velocity > _OVER_ALL * usual and static > _WEAKENS * coulomb:
-            return now.plant.replace(weakened(law.replace(coulomb=static / _WEAKENS), _SLOW * usual))
+        if static <= _WEAKENS * coulomb:
+            continue
+        if velocity > _OVER_ALL * usual:
+            slow = weakened(law.replace(coulomb=static / _WEAKENS), _SLOW * usual)
+            return now.plant.replace(slow), (f"{law.name}.stribeck_velocity",)
+        exponent = float(np.asarray(law.values[_OF_SPEED]))
+        if exponent not in (_EXPONENTIAL, _GAUSSIAN):
+            near = _EXPONENTIAL if exponent**2 < _EXPONENTIAL * _GAUSSIAN else _GAUSSIAN
+            return now.plant.replace(law.replace(**{_OF_SPEED: near})), ()
     return None
 
 

@@ -29,28 +29,26 @@ def general_laws(now: FitResult, fits: JointFits, barred: Collection[str], below
     return [(n, *from_the_data(p, fits.few, below=below)) for n, p in laws.items() if n not in barred]
 
 
-def straight(now: FitResult, addable: Sequence[type[Effect]]) -> tuple[Plant, Plant] | None:
-    """The plant with friction that weakens at slow speed alone where it has bent over all, without a drag and with one;
-    None where it has not, or where a drag is none of the effects that could be added."""
+def straight(now: FitResult, addable: Sequence[type[Effect]]) -> tuple[Plant, Plant, tuple[str, ...]] | None:
+    """The plant with friction that does not stand for a drag where its own does, without a drag and with one, and the
+    names of what a fit leaves as it is; None where it does not, or where a drag is none of the effects that could be
+    added. See `straightened`."""
     drag = next((e for e in addable if e.name == DRAG), None)
-    if drag is None or (plant := straightened(now)) is None:
+    if drag is None or (begun := straightened(now)) is None:
         return None
-    return plant, plant + drag(coefficient=0.0)
-
-
-def velocities(plant: Plant) -> list[str]:
-    """The Stribeck velocities of a plant, as a fit names what it leaves as it is."""
-    return [f"{e.name}.stribeck_velocity" for e in plant.effects if "stribeck_velocity" in e.values]
+    plant, fixed = begun
+    return plant, plant + drag(coefficient=0.0), fixed
 
 
 def beside_straight(
     now: FitResult, fits: JointFits, addable: Sequence[type[Effect]], below: float = math.inf
 ) -> list[Rough]:
-    """A rough fit with a drag beside friction that weakens at slow speed, where it has bent over all speeds and so
-    stands for a drag, whose tangent shows nothing then; see `JointFits.roughly` for `below`."""
-    if (plants := straight(now, addable)) is None:
+    """A rough fit with a drag beside friction that does not stand for one, where that of the plant does, and the
+    tangent of a drag shows nothing; see `JointFits.roughly` for `below`."""
+    if (begun := straight(now, addable)) is None:
         return []
-    misfit, x = now.misfit.onto(plants[1], now.vector, fits.few, fixed=velocities(plants[1]))
+    _, plant, fixed = begun
+    misfit, x = now.misfit.onto(plant, now.vector, fits.few, fixed=fixed)
     x = refined(misfit, nudge(misfit, x, below=below), below=below)
     return [(DRAG, *misfit.onto(misfit.plant(x), x))]
 

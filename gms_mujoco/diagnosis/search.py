@@ -62,7 +62,7 @@ from .judgement import (
     without,
 )
 from .moments import has_moments
-from .openings import DRAG, afresh, beside_following, beside_straight, for_stuck, general_laws, straight, velocities
+from .openings import DRAG, afresh, beside_following, beside_straight, for_stuck, general_laws, straight
 from .pairs import two_at_once
 from .reading import TorqueReading, ring
 from .steps import Step, Tried
@@ -278,18 +278,19 @@ class Search:
         return p_value(self.held_out, cross_validated(misfit, x)) <= _BY_CHANCE
 
     def _drag_for_curve(self) -> bool:
-        """Puts a drag in the place of a curve that bends over all speeds, and stands for it at the noise floor, where
-        nothing is left that the drag could take; False where it earns no place.
+        """Puts a drag in the place of a curve that stands for it at the noise floor, where little or nothing is left
+        that the drag could take; False where it earns no place. See `straightened`.
 
-        It does where it leaves less than the curve of all that is fitted, and of blocks not seen surely less, with an
-        unknown fewer; and beside friction that weakens at slow speed alone it has to take its share of what is left.
+        It does where it leaves less than the curve of all that is fitted, and of blocks not seen surely less, with no
+        more unknowns; and beside friction that does not stand for it, it has to take its share of what is left.
         """
         now = self.steps[-1]
-        if not (self.at_floor and self.only_timed) or (plants := straight(now.result, self._addable)) is None:
+        if not (self.at_floor and self.only_timed) or (begun := straight(now.result, self._addable)) is None:
             return False
+        *plants, fixed = begun
 
         def fitted(plant: Plant) -> tuple[FitResult, HeldOut]:
-            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=velocities(plant))
+            misfit, x = now.result.misfit.onto(plant, now.result.vector, fixed=fixed)
             result = refine(misfit, nudge(misfit, x))
             return result, cross_validated(result.misfit, result.vector)
 
