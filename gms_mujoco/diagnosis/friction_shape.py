@@ -42,6 +42,7 @@ _OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most
 _WEAKENS = 1.02  # times the level of sliding: by less friction does not weaken
 _COARSE = 0.01  # of the torque: what too few elements of friction may leave beside noise
 _AT_ONCE = 0.3  # of the fastest attraction that samples show: a level is followed in a few of them
+_SOFT = 0.1  # of the longest way: friction that gives way only beyond may stand for a spring over most of it
 _VANISHED = 1e-4  # of the level: an element that carries less
 _AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
@@ -324,14 +325,14 @@ def without_vanished(found: FitResult) -> FitResult:
 
 def spring_instead(now: FitResult) -> tuple[Misfit, Array] | None:
     """The problem of a plant that has no spring with one in the place of the elements of friction that slip in no
-    record, and where to start; None where all slip.
+    record, or late, and where to start; None where there are none.
 
     Such an element may hold another torque as each record begins, and has so stood for a spring in any number of them.
     """
     plant, observations = now.plant, now.misfit.observations
     if "gms" not in plant:
         return None
-    stuck = stuck_within(plant["gms"], max(float(np.ptp(o.position)) for o in observations))
+    stuck = stuck_within(plant["gms"], _SOFT * max(float(np.ptp(o.position)) for o in observations))
     if not stuck.any() or stuck.all():
         return None
     stiffness = float(np.asarray(plant["gms"].stiffness)[stuck].sum())

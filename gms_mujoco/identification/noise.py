@@ -27,6 +27,7 @@ _QUIETER = 0.25  # quantile over the records
 _ALIKE = 0.1  # scatter of the logarithm of what is the same in all records, and is read from noise
 _APART = 3.0  # times as far from each other: what is not
 _FEWEST_RECORDS = 3  # that tell the one from the other
+_TOLD = 0.1  # of the power at the lowest of these frequencies, where that of the position is least: less is not told
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -74,26 +75,50 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     segment = min(1024, *(len(r) // 4 for r in alike))
     errors = [mean_torque(r) - _rigid(r, inertia) for r in alike]
     inertia = typical_inertia(alike, inertia)
-    f = np.fft.rfftfreq(segment, h)
-    use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
-
-    def spectra(series: Sequence[Array]) -> list[Array]:
-        how = {"nperseg": segment, "average": "median", "detrend": "linear"}
-        return each(lambda x: scipy.signal.welch(x, 1 / h, **how)[1], series)
-
+    f, use = _where_sensors_say_all(segment, h)
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
-    smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra([e[1:-1] for e in errors])]
+    smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in _spectra([e[1:-1] for e in errors], segment, h)]
     density = np.quantile(smooth, _QUIETER, axis=0)[use]
-    half = np.pi * f[use] * h
+    half = np.pi * f * h
     passed = 1 - np.sin(half) ** 2 / 3 if alike[0].sensed else np.cos(half)  # of the torque, by its mean
     shapes = 2 * h * np.stack([passed**2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
     variance = _variances(shapes, density)
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
     # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
-    most = np.quantile([np.median(d[use]) for d in spectra([r.torque for r in alike])], _QUIETER) / (2 * h)
-    torque = min(torque, np.sqrt(most))
+    torque = min(torque, float(np.quantile(_loudness(alike, segment, h), _QUIETER)))
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
+
+
+def _where_sensors_say_all(segment: int, h: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Frequencies of a spectrum where the motion says little [Hz], and which of all they are."""
+    f = np.fft.rfftfreq(segment, h)
+    use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
+    return f[use], use
+
+
+def _spectra(series: Sequence[Array], segment: int, h: float) -> list[Array]:
+    """Spectra of series, by medians over segments."""
+    how = {"nperseg": segment, "average": "median", "detrend": "linear"}
+    return each(lambda x: scipy.signal.welch(x, 1 / h, **how)[1], series)
+
+
+def _loudness(records: Sequence[Record], segment: int, h: float) -> Array:
+    """(n,) white noise that would be as loud as the torque of each record where the motion says little [N m]."""
+    _, use = _where_sensors_say_all(segment, h)
+    return np.sqrt([np.median(d[use]) / (2 * h) for d in _spectra([r.torque for r in records], segment, h)])
+
+
+def _most_torque(record: Record, inertia: float) -> float:
+    """How loud the noise of the torque may be, as the high frequencies of a record tell [N m].
+
+    Where its counts are so coarse that they are all that u - J q'' shows there, that is what the torque itself shows,
+    in which a controller's answer to these counts may be too.
+    """
+    noise, h = estimate_noise([record], inertia), record.sample_time
+    segment = min(1024, len(record) // 4)
+    least = noise.position * typical_inertia([record], inertia) / h**2 * (2 * np.sin(np.pi * _QUIET_FROM / 2)) ** 2
+    return noise.torque if noise.torque**2 > _TOLD * least**2 else float(_loudness([record], segment, h)[0])
 
 
 def _variances(shapes: Array, density: Array) -> Array:
@@ -164,7 +189,7 @@ def _common_share(found: Array, records: Sequence[Record], inertia: float) -> fl
     asks = len(records) >= _FEWEST_RECORDS and min(inertia, found.min(), sizes.min()) > 0
     if not asks or _apart(sizes) < _APART * _ALIKE:
         return 0.0
-    noise = np.minimum(found, [estimate_noise([r], inertia).torque for r in records])
+    noise = np.minimum(found, [_most_torque(r, inertia) for r in records])
     same = noise.min() > 0 and _apart(noise / sizes) < min(_ALIKE, _apart(noise) / _APART)
     return float(np.median(noise / sizes)) if same else 0.0
 
