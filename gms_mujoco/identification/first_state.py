@@ -1,7 +1,7 @@
 """The state of the effects before the first sample of a record: nobody measured where their elements stood.
 
 An element forgets its state when it first slips, so the squared residual has flat parts and steps where a gradient is
-blind; a coarse search per element is not. The opening of a record is enough for it.
+blind; a coarse search per element is not. The opening of a record is enough for it, up to where all have slipped.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .tall import squared
 
 Array = NDArray[np.float64]
 
-_OPENING = 2.0  # s of a record
+_OPENING = 2.0  # s of a record, at least
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 
 
@@ -31,7 +31,7 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
         skew: by which the clock of the torque runs ahead of that of the position [s].
         memory: where to begin.
     """
-    o = observation.opening(_OPENING)
+    o = _opening(observation, plant)
     applied = o.applied(plant, skew)
     found = _search_apart(o, plant, applied, memory) if isinstance(o, Observation) else []
     others = [k for k in range(len(memory)) if k not in found]
@@ -47,6 +47,20 @@ def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) ->
                 best = cost
             else:
                 memory[k] = kept
+
+
+def _opening(observation: Seen, plant: Plant) -> Seen:
+    """The beginning of a record, twice as long again and again until the motion has been far enough for each element to
+    have slipped, whichever way it was bent: of a sine that grows that may be late."""
+    duration = _OPENING
+    if isinstance(observation, Observation) and "gms" in plant:
+        gms, record = plant["gms"], observation.record
+        level = max(float(np.asarray(gms.static)), float(np.asarray(gms.coulomb)))
+        furthest = 2 * level * np.max(np.asarray(gms.fraction) / np.maximum(gms.stiffness, 1e-300))
+        whole = len(record) * record.sample_time
+        while duration < whole and np.ptp(observation.position[: round(duration / record.sample_time)]) < furthest:
+            duration *= 2
+    return observation.opening(duration)
 
 
 def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -> list[int]:
