@@ -1,25 +1,34 @@
 """The state of the effects before the first sample of a record: nobody measured where their elements stood.
 
 An element forgets its state when it first slips, so the squared residual has flat parts and steps where a gradient is
-blind; a coarse search per element is not. The opening of a record is enough for it, up to where all have slipped.
+blind; a coarse search per element is not. From there on a gradient sees how they trade with each other. The opening of
+a record is enough for it, up to where all have slipped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ..plant import Plant
 from .frf_observation import Seen
+from .grid import Grid
 from .inverse import Observation
-from .tall import squared
+from .tall import gram, squared
 
 Array = NDArray[np.float64]
 
 _OPENING = 2.0  # s of a record, at least
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
+_STEPS = 16  # of Gauss and Newton, from the best of these levels
+_FAR, _NEAR = 0.5, 0.02  # the longest of them, and one from which on no shorter one is tried
+_APART = 0.01  # of a level, over which derivatives are taken
+_ROUNDING = 1e-9
+_FALLS = 0.01  # of what is left: a step by which less is gained is the last
 
 
 def search_state(observation: Seen, plant: Plant, skew: float, memory: Array) -> None:
@@ -69,38 +78,89 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     Returns:
         Which states those are.
     """
-    places = {name: place for name, place in plant.memory_places.items() if plant[name].separable}
-    apart = [k for place in places.values() for k in range(place.start, place.stop)]
+    names = [name for name in plant.memory_places if plant[name].separable]
+    apart = [k for name in names for k in range(plant.memory_places[name].start, plant.memory_places[name].stop)]
     if not apart:
         return []
-    torques, known = _at_levels(o, plant, list(places), memory)
-    left = applied - known
-    best = squared(left)
-    now = torques[-1].copy()
-    for level in (*range(len(_LEVELS)), *range(len(_LEVELS))):
-        for k in apart:
-            trial = left + (torques[level][k] - now[k])
-            cost = squared(trial)
-            if cost < best:
-                best, left, now[k], memory[k] = cost, trial, torques[level][k], _LEVELS[level]
+    grid = o.grid(plant, memory)
+
+    def elements(states: Array) -> Array:
+        there = memory.copy()
+        there[apart] = states
+        return _elements(o, plant, names, there, grid)[apart]
+
+    levels = np.array([*(np.full(len(apart), level) for level in _LEVELS), memory[apart]])
+    torques = np.array([elements(states) for states in levels])
+    rest = applied - o.needed(plant, memory, grid) - torques[-1].sum(0)
+    best, each_one = _likeliest(torques, rest), np.arange(len(apart))
+    memory[apart] = _descended(elements, levels[best, each_one], torques[best, each_one], rest)
     return apart
 
 
-def _at_levels(o: Observation, plant: Plant, names: Sequence[str], memory: Array) -> tuple[Array, Array]:
-    """Torque of each element of separable effects, those of `names`, on the instants that `memory` needs.
+def _likeliest(torques: Array, rest: Array) -> NDArray[np.intp]:
+    """(n,) at which level each element begins, of those that leave least: they trade with each other, so two are
+    changed at a time, from the last level on.
 
-    Returns:
-        (levels + 1, n_memory, m) for each of _LEVELS before the record, then for `memory`; and the (m,) torque that the
-        plant needs for `memory`.
+    Args:
+        torques: (levels, n, m) of each element.
+        rest: (m,) torque that they balance.
     """
-    grid = o.grid(plant, memory)
-    out = np.empty((len(_LEVELS) + 1, len(memory), len(o.index)))
+    count, n, _ = torques.shape
+    flat = torques.reshape(count * n, -1)
+    alone, together = 2 * flat @ rest, gram(flat.T, flat.T)
+    place, squares = np.arange(n), np.diag(together).reshape(count, n)
+    at = np.full(n, count - 1)
+    changed = n > 0
+    while changed:
+        changed = False
+        for i, j in itertools.combinations_with_replacement(range(n), 2):
+            own = [np.arange(count) * n + k for k in (i, j)]
+            others = (at * n + place)[(place != i) & (place != j)]
+            costs = [alone[k] + np.diag(together)[k] + 2 * together[np.ix_(k, others)].sum(1) for k in own]
+            both = costs[0][:, None] + costs[1] + 2 * together[np.ix_(*own)] if i < j else np.diag(costs[0])
+            if i == j:
+                both[~np.eye(count, dtype=bool)] = np.inf
+            found = np.unravel_index(np.argmin(both), both.shape)
+            if both[found] < both[at[i], at[j]] - _ROUNDING * squares.max():
+                at[i], at[j] = found
+                changed = True
+    return at
+
+
+def _descended(elements: Callable[[Array], Array], states: Array, torques: Array, rest: Array) -> Array:
+    """(n,) states from which steps of Gauss and Newton, no longer than where they hold, lead to nothing better.
+
+    Args:
+        elements: (n, m) torque of each element from such states on.
+        states, torques, rest: where to begin, what `elements` says there, and the (m,) torque that they balance.
+    """
+    left = rest + torques.sum(0)
+    best, radius, slopes = squared(left), _FAR, None
+    for _ in range(_STEPS):
+        if slopes is None:
+            inward = np.where(states > 0, -_APART, _APART)
+            slopes = ((elements(states + inward) - torques) / inward[:, None]).T
+        near = [np.clip(states + way, -1, 1) - states for way in (-radius, radius)]
+        step = scipy.optimize.lsq_linear(slopes, -left, (near[0] - _ROUNDING, near[1] + _ROUNDING)).x.clip(*near)
+        there = elements(states + step)
+        after = rest + there.sum(0)
+        falls = 1 - squared(after) / max(best, 1e-300)
+        if falls > 0:
+            states, torques, left, best, slopes = states + step, there, after, squared(after), None
+        if falls <= _FALLS:
+            if falls > 0 or radius < _NEAR:
+                break
+            radius /= 4
+    return states
+
+
+def _elements(o: Observation, plant: Plant, names: Sequence[str], memory: Array, grid: Grid | None) -> Array:
+    """(n_memory, m) torque of each element of separable effects, those of `names`, on instants of `grid`; 0 of others."""
+    out = np.zeros((len(memory), len(o.index)))
     for name in names:
         part, place = plant.part(name), plant.memory_places[name]
         native = [e.name for e in part.effects if e.is_native]
-        own = part.memory_places[name]
         before = np.zeros(part.joint().n_memory)
-        for i, row in enumerate(out):
-            before[own] = _LEVELS[i] if i < len(_LEVELS) else memory[place]
-            row[place] = o.elements(part, part.joint(), native.index(name), before, grid)
-    return out, o.needed(plant, memory, grid)
+        before[part.memory_places[name]] = memory[place]
+        out[place] = o.elements(part, part.joint(), native.index(name), before, grid)
+    return out
