@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..effect import Effect
 from ..plant import Plant
 from .frf_observation import Seen
 from .grid import Grid
@@ -27,6 +28,7 @@ _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 _STEPS = 16  # of Gauss and Newton, from the best of these levels
 _FAR, _NEAR = 0.5, 0.02  # the longest of them, and one from which on no shorter one is tried
 _APART = 0.01  # of a level, over which derivatives are taken
+_WAYS = 12  # lengths that are tried of a way before the record
 _ROUNDING = 1e-9
 _FALLS = 0.01  # of what is left: a step by which less is gained is the last
 
@@ -63,9 +65,7 @@ def _opening(observation: Seen, plant: Plant) -> Seen:
     have slipped, whichever way it was bent: of a sine that grows that may be late."""
     duration = _OPENING
     if isinstance(observation, Observation) and "gms" in plant:
-        gms, record = plant["gms"], observation.record
-        level = max(float(np.asarray(gms.static)), float(np.asarray(gms.coulomb)))
-        furthest = 2 * level * np.max(np.asarray(gms.fraction) / np.maximum(gms.stiffness, 1e-300))
+        record, furthest = observation.record, 2 * float(_break_away(plant["gms"]).max())
         whole = len(record) * record.sample_time
         while duration < whole and np.ptp(observation.position[: round(duration / record.sample_time)]) < furthest:
             duration *= 2
@@ -92,12 +92,20 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     levels = np.array([*(np.full(len(apart), level) for level in _LEVELS), memory[apart]])
     torques = np.array([elements(states) for states in levels])
     rest = applied - o.needed(plant, memory, grid) - torques[-1].sum(0)
-    best, each_one = _likeliest(torques, rest), np.arange(len(apart))
-    memory[apart] = _descended(elements, levels[best, each_one], torques[best, each_one], rest)
+    begun = [levels[_traded(torques, rest), np.arange(len(apart))]]
+    if "gms" in plant and len(apart) == plant["gms"].elements:
+        begun.append(_loaded(plant["gms"], torques[: len(_LEVELS)], rest))
+    memory[apart] = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])[1]
     return apart
 
 
-def _likeliest(torques: Array, rest: Array) -> NDArray[np.intp]:
+def _break_away(gms: Effect) -> Array:
+    """(n,) distance over which each element is bent from nothing to its level at rest [rad]."""
+    level = max(float(np.asarray(gms.static)), float(np.asarray(gms.coulomb)))
+    return level * np.asarray(gms.fraction) / np.maximum(gms.stiffness, 1e-300)
+
+
+def _traded(torques: Array, rest: Array) -> NDArray[np.intp]:
     """(n,) at which level each element begins, of those that leave least: they trade with each other, so two are
     changed at a time, from the last level on.
 
@@ -106,34 +114,54 @@ def _likeliest(torques: Array, rest: Array) -> NDArray[np.intp]:
         rest: (m,) torque that they balance.
     """
     count, n, _ = torques.shape
-    flat = torques.reshape(count * n, -1)
-    alone, together = 2 * flat @ rest, gram(flat.T, flat.T)
-    place, squares = np.arange(n), np.diag(together).reshape(count, n)
-    at = np.full(n, count - 1)
-    changed = n > 0
+    alone, together = _products(torques, rest)
+    own = np.diag(together)
+    at, place = np.full(n, count - 1), np.arange(n)
+    changed = True
     while changed:
         changed = False
-        for i, j in itertools.combinations_with_replacement(range(n), 2):
-            own = [np.arange(count) * n + k for k in (i, j)]
+        for i, j in itertools.combinations(range(n), 2) if n > 1 else [(0, 0)]:
             others = (at * n + place)[(place != i) & (place != j)]
-            costs = [alone[k] + np.diag(together)[k] + 2 * together[np.ix_(k, others)].sum(1) for k in own]
-            both = costs[0][:, None] + costs[1] + 2 * together[np.ix_(*own)] if i < j else np.diag(costs[0])
-            if i == j:
-                both[~np.eye(count, dtype=bool)] = np.inf
+            rows = [np.arange(count) * n + k for k in (i, j)]
+            costs = [alone[k] + own[k] + 2 * together[np.ix_(k, others)].sum(1) for k in rows]
+            both = costs[0][:, None] + costs[1] + 2 * together[np.ix_(*rows)] if i < j else np.diag(costs[0])
             found = np.unravel_index(np.argmin(both), both.shape)
-            if both[found] < both[at[i], at[j]] - _ROUNDING * squares.max():
+            if both[found] < both[at[i], at[j]] - _ROUNDING * own.max():
                 at[i], at[j] = found
                 changed = True
     return at
 
 
-def _descended(elements: Callable[[Array], Array], states: Array, torques: Array, rest: Array) -> Array:
-    """(n,) states from which steps of Gauss and Newton, no longer than where they hold, lead to nothing better.
+def _loaded(gms: Effect, torques: Array, rest: Array) -> Array:
+    """(n,) states as after a way from where the joint has never moved, and another back, of those that leave least as
+    far as levels between those of `torques` (levels, n, m) tell; arguments as for `_traded`."""
+    distance = _break_away(gms)
+    way = np.geomspace(distance.min() / 4, 2 * distance.max(), _WAYS)
+    there, back = np.meshgrid(np.concatenate([-way, [0], way]), np.append(0, way))
+    bent = np.clip(there.reshape(-1, 1) / distance, -1, 1)
+    states = np.clip(bent - np.sign(there.reshape(-1, 1)) * back.reshape(-1, 1) / distance, -1, 1)
+    order = np.argsort(_LEVELS)
+    at = np.interp(states, np.asarray(_LEVELS)[order], np.arange(len(order)))
+    weight = np.maximum(1 - np.abs(at[:, None] - np.argsort(order)[:, None]), 0).reshape(len(states), -1)
+    alone, together = _products(torques, rest)
+    return states[np.argmin(weight @ alone + ((weight @ together) * weight).sum(1))]
+
+
+def _products(torques: Array, rest: Array) -> tuple[Array, Array]:
+    """Products of torques (levels, n, m), twice with `rest` and with each other, of which squares of sums are made."""
+    flat = torques.reshape(-1, torques.shape[-1])
+    return 2 * flat @ rest, gram(flat.T, flat.T)
+
+
+def _descended(elements: Callable[[Array], Array], states: Array, rest: Array) -> tuple[float, Array]:
+    """(n,) states from which steps of Gauss and Newton, no longer than they hold, lead to nothing better; before them
+    the squared torque that is left.
 
     Args:
         elements: (n, m) torque of each element from such states on.
-        states, torques, rest: where to begin, what `elements` says there, and the (m,) torque that they balance.
+        states, rest: where to begin, and the (m,) torque that the elements balance.
     """
+    torques = elements(states)
     left = rest + torques.sum(0)
     best, radius, slopes = squared(left), _FAR, None
     for _ in range(_STEPS):
@@ -151,11 +179,11 @@ def _descended(elements: Callable[[Array], Array], states: Array, torques: Array
             if falls > 0 or radius < _NEAR:
                 break
             radius /= 4
-    return states
+    return best, states
 
 
 def _elements(o: Observation, plant: Plant, names: Sequence[str], memory: Array, grid: Grid | None) -> Array:
-    """(n_memory, m) torque of each element of separable effects, those of `names`, on instants of `grid`; 0 of others."""
+    """(n_memory, m) torque of each element of separable effects, those of `names`, on instants of `grid`; else 0."""
     out = np.zeros((len(memory), len(o.index)))
     for name in names:
         part, place = plant.part(name), plant.memory_places[name]

@@ -77,7 +77,8 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     inertia = typical_inertia(alike, inertia)
     f, use = _where_sensors_say_all(segment, h)
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
-    smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in _spectra([e[1:-1] for e in errors], segment, h)]
+    spectra = _spectra([e[1:-1] for e in errors], segment, h)
+    smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra]
     density = np.quantile(smooth, _QUIETER, axis=0)[use]
     half = np.pi * f * h
     passed = 1 - np.sin(half) ** 2 / 3 if alike[0].sensed else np.cos(half)  # of the torque, by its mean
@@ -92,7 +93,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
 
 def _where_sensors_say_all(segment: int, h: float) -> tuple[Array, NDArray[np.bool_]]:
     """Frequencies of a spectrum where the motion says little [Hz], and which of all they are."""
-    f = np.fft.rfftfreq(segment, h)
+    f = np.asarray(np.fft.rfftfreq(segment, h), np.float64)
     use = (f > _QUIET_FROM / (2 * h)) & (f < 0.95 / (2 * h))
     return f[use], use
 
