@@ -5,6 +5,12 @@
 
 namespace gms {
 
+namespace {
+
+bool is_friction(const Effect* effect) { return std::strcmp(effect->kind, "friction") == 0; }
+
+}  // namespace
+
 const Effect* find_effect(const std::string& name) {
   for (int i = 0; i < kCatalogueSize; i++) {
     if (name == kCatalogue[i]->name) return kCatalogue[i];
@@ -19,8 +25,7 @@ void Joint::add(const Effect* effect, int n, const double* p) {
   }
   steepens_ |= effect->steepens;
   uses_.push_back({effect, n, std::vector<double>(p, p + size), n_state_});
-  const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1,
-                  std::strcmp(effect->kind, "friction") == 0};
+  const Call call{effect, uses_.back().p.data(), n, n_state_, static_cast<int>(uses_.size()) - 1, is_friction(effect)};
   if (effect->modulate) modulators_.push_back(call);
   if (effect->torque) torques_.push_back(call);
   only_ = modulators_.empty() && torques_.size() == 1 ? torques_[0] : Call{};
@@ -35,12 +40,21 @@ void Joint::reset(double* state) const {
   std::fill(state + kAnchor, state + n_state_, 0.0);
 }
 
-void Joint::recall(const double* unknown, double* state) const {
+void Joint::begin(const double* unknown, const Sample& first, double* state) const {
   reset(state);
+  if (unknown) recall(unknown, level(since(first, state), state), state);
+}
+
+void Joint::recall(const double* unknown, const Level& level, double* state) const {
   for (const Use& use : uses_) {
     if (!use.effect->n_memory) continue;
-    use.effect->recall(use.p.data(), use.n, unknown, state + use.state);
-    unknown += use.effect->n_memory(use.n);
+    const int n = use.effect->n_memory(use.n);
+    double own[kMaxState];
+    for (int i = 0; i < n; i++) {
+      own[i] = unknown[i] * (is_friction(use.effect) ? std::max(level.at(unknown[i]), 0.0) : 1);
+    }
+    use.effect->recall(use.p.data(), use.n, own, state + use.state);
+    unknown += n;
   }
 }
 
@@ -177,7 +191,8 @@ double Joint::slope_once(double h) const {
       const int n = use.effect->n_memory ? use.effect->n_memory(use.n) : 0;
       unknown.insert(unknown.end(), n, use.effect->steepens ? memory : memory * most);
     }
-    recall(unknown.data(), state);
+    reset(state);
+    recall(unknown.data(), Level(), state);
     const double rest = torque_only(still, state);
     for (const double x : {kSmall, -kSmall}) {
       const double moving = torque_only(Motion{x, x, x / h, h, h, 0}, state);

@@ -48,8 +48,9 @@ class Joint {
   const std::vector<Use>& uses() const { return uses_; }
 
   void reset(double* state) const;
-  // Sets the state before the first sample from unknowns in [-1, 1].
-  void recall(const double* unknown, double* state) const;
+  // Sets the state before the first sample from unknowns in [-1, 1], for friction of what it holds there in either
+  // direction; null: never moved.
+  void begin(const double* unknown, const Sample& first, double* state) const;
 
   // Torque on the joint at `now`, given the state at the anchor. Writes the state at `now` to `next` (may be
   // null) and the torque of each effect to `parts` (may be null). `next` may be `state`.
@@ -126,6 +127,7 @@ class Joint {
 
  private:
   double slope_once(double h) const;
+  void recall(const double* unknown, const Level& level, double* state) const;
   double torque_only(const Motion& motion, const double* state, double* parts = nullptr) const {
     double next[kMaxState];
     return torque_over(motion, state, next, parts);

@@ -98,8 +98,8 @@ class Joint:
             time, position, velocity: (n,) in [s], [rad], [rad/s].
             load: (n,) normal load or transmitted torque [N m], optional.
             temperature: (n,) [degC], optional.
-            memory: (n_memory,) state before the first sample, each in [-1, 1] of its level, of a
-                flexible coupling deflections [rad]; None: never moved.
+            memory: (n_memory,) state before the first sample, each in [-1, 1] of what friction holds there in that
+                direction, of a flexible coupling deflections [rad]; None: never moved.
             parts, states: whether to return the share of each effect and the states.
 
         Raises:
@@ -239,8 +239,7 @@ class Joint:
             substeps: time steps per sample.
             start: time of the first sample [s].
             load, temperature: (n,) [N m], [degC], optional, held like the torque.
-            memory: (n_memory,) state before the first sample, each in [-1, 1] of its level, of a
-                flexible coupling deflections [rad]; None: never moved.
+            memory: (n_memory,) state before the first sample, as for `replay`; None: never moved.
             state: (n_state,) state at the first sample, one of those a replay returns, instead of `memory`.
             integration: "auto", "explicit" or "implicit".
             states: whether to return the states.

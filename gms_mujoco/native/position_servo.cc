@@ -57,8 +57,8 @@ GMS_API int gms_servo_simulate(const gms::Joint* joint, int steps, double h, dou
                                const double* goal, const double* powered, double* position, double* velocity) {
   Loop p;
   std::memcpy(&p, loop, sizeof p);
-  gms::SingleAxis axis(*joint, inertia, h, -1, nullptr, nullptr);
   gms::Sample now{0, position[0], velocity[0]};
+  gms::SingleAxis axis(*joint, inertia, h, -1, now);
   InnerGoal inner(n, time, goal, p.goal_speed);
   for (int k = 0; k < steps; k++) {
     position[k] = now.position;

@@ -47,11 +47,8 @@ GMS_API void gms_joint_replay(const Joint* joint, int n, const double* time, con
                               const double* memory, double* torque, double* parts, double* states) {
   const int n_state = joint->n_state(), n_parts = static_cast<int>(joint->uses().size());
   std::vector<double> state(n_state), next(n_state);
-  if (memory) {
-    joint->recall(memory, state.data());
-  } else {
-    joint->reset(state.data());
-  }
+  if (n == 0) return;
+  joint->begin(memory, sample(0, time, position, velocity, load, temperature), state.data());
   for (int k = 0; k < n; k++) {
     const gms::Sample now = sample(k, time, position, velocity, load, temperature);
     torque[k] = joint->torque(now, state.data(), next.data(), parts ? parts + k * n_parts : nullptr);
@@ -65,11 +62,8 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
                                 const double* velocity, const double* load, const double* temperature,
                                 const double* memory, double* torque) {
   std::vector<double> state(joint->n_state()), next(joint->n_state());
-  if (memory) {
-    joint->recall(memory, state.data());
-  } else {
-    joint->reset(state.data());
-  }
+  if (n == 0) return;
+  joint->begin(memory, sample(0, time, position, velocity, load, temperature), state.data());
   const Joint::Use& e = joint->uses()[use];
   for (int k = 0; k < n; k++) {
     const gms::Sample now = sample(k, time, position, velocity, load, temperature);
@@ -98,11 +92,8 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
   for (int j = 0; j < count; j++) {
     state[j] = states.data() + j * size;
     next[j] = state[j] + count * size;
-    if (memory) {
-      joints[j]->recall(memory + static_cast<size_t>(j) * here.n_memory(), state[j]);
-    } else {
-      joints[j]->reset(state[j]);
-    }
+    const double* unknown = memory ? memory + static_cast<size_t>(j) * here.n_memory() : nullptr;
+    if (n > 0) joints[j]->begin(unknown, sample(0, time, position, velocity, load, temperature), state[j]);
   }
   const Joint::Use* e = apart ? &here.uses()[use] : nullptr;
   const int columns = (e ? apart * e->n : 0) + count - 1 - apart;
@@ -268,15 +259,11 @@ GMS_API int gms_joint_mean(const Joint* joint, int n, const double* time, const 
                            const double* velocity, const double* load, const double* temperature,
                            const double* memory, double tolerance, double* mean, double* instants, int most) {
   std::vector<double> state(joint->n_state()), next(joint->n_state());
-  if (memory) {
-    joint->recall(memory, state.data());
-  } else {
-    joint->reset(state.data());
-  }
-  const auto at = [&](int k) { return sample(k, time, position, velocity, load, temperature); };
   if (n == 0) return 0;
+  const auto at = [&](int k) { return sample(k, time, position, velocity, load, temperature); };
   Between between(*joint, tolerance, instants, most - 7 * n);  // 7: with two reversals between two samples
   gms::Sample last = at(0);
+  joint->begin(memory, last, state.data());
   double f = joint->torque(last, state.data(), next.data());
   state.swap(next);
   mean[0] = f;
@@ -306,8 +293,9 @@ GMS_API int gms_joint_simulate(const Joint* joint, int n, int substeps, int impl
                                const double* path, double near, double pull,
                                double* position, double* velocity, double* friction, double* states) {
   const double h = sample_time / substeps;
-  gms::SingleAxis axis(*joint, inertia, h, implicit, memory, initial);
-  gms::Sample now{start, position[0], velocity[0]};
+  if (n == 0) return 0;
+  gms::Sample now{start, position[0], velocity[0], load ? load[0] : 0, temperature ? temperature[0] : gms::kRoom};
+  gms::SingleAxis axis(*joint, inertia, h, implicit, now, memory, initial);
   for (int k = 0; k < n; k++) {
     now.load = load ? load[k] : 0;
     now.temperature = temperature ? temperature[k] : gms::kRoom;

@@ -15,15 +15,14 @@ class SingleAxis {
   // Steps of length h. `implicit`: the effects are taken by backward Euler (1), at the beginning of a step (0), or by
   // backward Euler where the step is long for their stiffness (-1). The state before the first sample is `initial`
   // (n_state), or comes from `memory` (n_memory); both may be null: never moved.
-  SingleAxis(const Joint& joint, double inertia, double h, int implicit, const double* memory, const double* initial)
+  SingleAxis(const Joint& joint, double inertia, double h, int implicit, const Sample& first,
+             const double* memory = nullptr, const double* initial = nullptr)
       : joint_(joint), h_(h), inertia_(inertia), mobility_(1 / inertia), steepest_(joint.slope(h)),
         state_(joint.n_state()), next_(joint.n_state()) {
     if (initial) {
       std::copy(initial, initial + joint.n_state(), state_.begin());
-    } else if (memory) {
-      joint.recall(memory, state_.data());
     } else {
-      joint.reset(state_.data());
+      joint.begin(memory, first, state_.data());
     }
     implicit_ = implicit < 0 ? h * steepest_ * mobility_ > kExplicitLimit : implicit != 0;
     solver_.reserve(1, 1, 1);
