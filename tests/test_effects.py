@@ -265,6 +265,22 @@ def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_fa
         assert np.allclose(apart.sum(1), torque, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", [n for n in FRICTION if (Plant.axis() + example(n)).joint().n_memory])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_friction_begins_with_up_to_what_it_holds_there_in_that_direction(name, side):
+    """A joint at rest that something modulates holds as many times more as it does in slow motion."""
+    law, load = example(name), 2.0
+    if "creep_velocity" in law.values:
+        law = law.replace(creep_velocity=0)
+    alone = Plant.axis() + law
+    plant = alone + effects.AsymmetricFriction(level=0.3) + effects.LoadDependentFriction(coefficient=0.4)
+    there, back = np.zeros((2, 1)), np.full(alone.joint().n_memory, side)
+    held = plant.joint().replay([0.0], *there, load=[load], memory=back).torque
+    factor = (1 + 0.3 * side) * (1 + 0.4 * load)
+    assert held == pytest.approx(factor * alone.joint().replay([0.0], *there, memory=back).torque)
+    assert held[0] * side < 0
+
+
 @pytest.mark.parametrize(
     ("name", "elements"), [*itertools.product(NATIVE.args[1], [1, 4, 5]), ("gms", 40), ("gms", 200)]
 )

@@ -7,7 +7,6 @@ a record is enough for it, up to where all have slipped.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -28,6 +27,7 @@ _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 _STEPS = 16  # of Gauss and Newton, from the best of these levels
 _FAR, _NEAR = 0.5, 0.02  # the longest of them, and one from which on no shorter one is tried
 _APART = 0.01  # of a level, over which derivatives are taken
+_TRAPPED = 0.5  # of what levels of one element after the other leave, that others leave where these are wrong
 _WAYS = 12  # lengths that are tried of a way before the record
 _ROUNDING = 1e-9
 _FALLS = 0.01  # of what is left: a step by which less is gained is the last
@@ -92,10 +92,14 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     levels = np.array([*(np.full(len(apart), level) for level in _LEVELS), memory[apart]])
     torques = np.array([elements(states) for states in levels])
     rest = applied - o.needed(plant, memory, grid) - torques[-1].sum(0)
-    begun = [levels[_traded(torques, rest), np.arange(len(apart))]]
+    least, at = _one_by_one(torques, rest)
+    memory[apart] = levels[at, np.arange(len(apart))]
+    begun = [memory[apart]]
     if "gms" in plant and len(apart) == plant["gms"].elements:
         begun.append(_loaded(plant["gms"], torques[: len(_LEVELS)], rest))
-    memory[apart] = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])[1]
+    cost, states = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])
+    if cost < _TRAPPED * least:  # else they would hide a part of what a plant lacks that is wrong yet
+        memory[apart] = states
     return apart
 
 
@@ -105,31 +109,23 @@ def _break_away(gms: Effect) -> Array:
     return level * np.asarray(gms.fraction) / np.maximum(gms.stiffness, 1e-300)
 
 
-def _traded(torques: Array, rest: Array) -> NDArray[np.intp]:
-    """(n,) at which level each element begins, of those that leave least: they trade with each other, so two are
-    changed at a time, from the last level on.
+def _one_by_one(torques: Array, rest: Array) -> tuple[float, NDArray[np.intp]]:
+    """The squared torque that is left, and (n,) at which of the levels each element begins then, one changed after the
+    other, from the last level on.
 
     Args:
         torques: (levels, n, m) of each element.
         rest: (m,) torque that they balance.
     """
     count, n, _ = torques.shape
-    alone, together = _products(torques, rest)
-    own = np.diag(together)
-    at, place = np.full(n, count - 1), np.arange(n)
-    changed = True
-    while changed:
-        changed = False
-        for i, j in itertools.combinations(range(n), 2) if n > 1 else [(0, 0)]:
-            others = (at * n + place)[(place != i) & (place != j)]
-            rows = [np.arange(count) * n + k for k in (i, j)]
-            costs = [alone[k] + own[k] + 2 * together[np.ix_(k, others)].sum(1) for k in rows]
-            both = costs[0][:, None] + costs[1] + 2 * together[np.ix_(*rows)] if i < j else np.diag(costs[0])
-            found = np.unravel_index(np.argmin(both), both.shape)
-            if both[found] < both[at[i], at[j]] - _ROUNDING * own.max():
-                at[i], at[j] = found
-                changed = True
-    return at
+    at, left = np.full(n, count - 1), rest + torques[-1].sum(0)
+    best = squared(left)
+    for level in (*range(count - 1), *range(count - 1)):
+        for k in range(n):
+            trial = left + (torques[level][k] - torques[at[k]][k])
+            if (cost := squared(trial)) < best:
+                best, left, at[k] = cost, trial, level
+    return best, at
 
 
 def _loaded(gms: Effect, torques: Array, rest: Array) -> Array:

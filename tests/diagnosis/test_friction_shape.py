@@ -196,3 +196,22 @@ def test_a_spring_is_tried_in_the_place_of_elements_that_slip_in_no_record() -> 
     assert found.plant["spring"].stiffness == pytest.approx(stiffness, rel=0.02)
     assert found.plant["gms"].coulomb == pytest.approx(LEVEL, rel=0.05) and found.error < 1.2 * found.floor
     assert spring_instead(found) is None and spring_instead(fit_as_logged(HEALTHY, misfit.observations)) is None
+
+
+def test_a_spring_is_tried_in_the_place_of_an_element_that_slips_late() -> None:
+    """One that slips over the second half of a way alone has stood for a spring over the first."""
+    stiffness, law = 0.5 * LEVEL, HEALTHY["gms"]
+    seen = observe(runs(HEALTHY + effects.Spring(stiffness=stiffness)), J)
+    way = 0.3 * max(float(np.ptp(o.position)) for o in seen)
+    whole = LEVEL + stiffness * way
+    more = law.replace(
+        stiffness=[*law.stiffness, stiffness], fraction=[*(LEVEL / whole * np.array(law.fraction)), stiffness * way / whole],
+        coulomb=whole, static=whole,
+    )  # fmt: skip
+    misfit = Misfit(HEALTHY.replace(more), seen)
+    hidden = refine(misfit, misfit.vector(HEALTHY.replace(more)))
+    begun = spring_instead(hidden)
+    assert begun is not None
+    found = refine(*begun)
+    assert found.plant["spring"].stiffness == pytest.approx(stiffness, rel=0.02)
+    assert found.error < 1.2 * found.floor < hidden.error

@@ -146,6 +146,15 @@ def test_noise_that_is_the_same_share_of_the_torque_in_each_record_is_told() -> 
     assert found.error == pytest.approx(found.floor, rel=0.15)
 
 
+def test_noise_that_is_a_share_of_the_torque_is_told_behind_counts_that_drown_it() -> None:
+    """At high frequencies u - J q'' shows the counts alone then, and the torque its noise."""
+    quiet = runs(HEALTHY, torque_noise=0.0, resolution=300 * COUNT)
+    records = [_noisy(r, 2 * SHARE * rms(r.torque), k) for k, r in enumerate(quiet)]
+    assert estimate_noise(records[2:], J).torque < SHARE * rms(quiet[2].torque)
+    noise = fit(HEALTHY, records).noise
+    assert [noise.torque_in(r) for r in records] == pytest.approx([2 * SHARE * rms(r.torque) for r in quiet], rel=0.25)
+
+
 def test_noise_that_is_the_same_in_each_record_is_no_share_of_the_torque() -> None:
     noise = fit(HEALTHY, runs(HEALTHY, torque_noise=TORQUE)).noise
     assert noise.share == 0 and noise.torque_in(runs(HEALTHY)[0]) == noise.torque == pytest.approx(TORQUE, rel=0.15)
