@@ -23,6 +23,7 @@ from .tall import gram, squared
 Array = NDArray[np.float64]
 
 _OPENING = 2.0  # s of a record, at least
+_SURELY = 3.0  # break-away distances, after which an element has slipped, whatever it began with and modulates it
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
 _STEPS = 16  # of Gauss and Newton, from the best of these levels
 _FAR, _NEAR = 0.5, 0.02  # the longest of them, and one from which on no shorter one is tried
@@ -65,7 +66,7 @@ def _opening(observation: Seen, plant: Plant) -> Seen:
     have slipped, whichever way it was bent: of a sine that grows that may be late."""
     duration = _OPENING
     if isinstance(observation, Observation) and "gms" in plant:
-        record, furthest = observation.record, 2 * float(_break_away(plant["gms"]).max())
+        record, furthest = observation.record, _SURELY * float(_break_away(plant["gms"]).max())
         whole = len(record) * record.sample_time
         while duration < whole and np.ptp(observation.position[: round(duration / record.sample_time)]) < furthest:
             duration *= 2
@@ -94,13 +95,20 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     rest = applied - o.needed(plant, memory, grid) - torques[-1].sum(0)
     least, at = _one_by_one(torques, rest)
     memory[apart] = levels[at, np.arange(len(apart))]
-    begun = [memory[apart]]
-    if "gms" in plant and len(apart) == plant["gms"].elements:
-        begun.append(_loaded(plant["gms"], torques[: len(_LEVELS)], rest))
-    cost, states = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])
-    if cost < _TRAPPED * least:  # else they would hide a part of what a plant lacks that is wrong yet
-        memory[apart] = states
+    # Others have to leave much less: else they would hide a part of what is missing in a plant that is wrong yet.
+    left = rest + torques[at, np.arange(len(apart))].sum(0)
+    if "gms" in plant and squared(left[_forgotten(o, plant)]) < _TRAPPED * least:
+        begun = memory[apart], _loaded(plant["gms"], torques[: len(_LEVELS)], rest)
+        cost, states = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])
+        if cost < _TRAPPED * least:
+            memory[apart] = states
     return apart
+
+
+def _forgotten(o: Observation, plant: Plant) -> NDArray[np.bool_]:
+    """(m,) whether the motion has been so far by then that every element has slipped, whatever it began with."""
+    way = np.maximum.accumulate(o.position) - np.minimum.accumulate(o.position)
+    return np.asarray(way[o.index] > _SURELY * _break_away(plant["gms"]).max())
 
 
 def _break_away(gms: Effect) -> Array:

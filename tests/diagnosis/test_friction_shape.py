@@ -204,10 +204,8 @@ def test_a_spring_is_tried_in_the_place_of_an_element_that_slips_late() -> None:
     seen = observe(runs(HEALTHY + effects.Spring(stiffness=stiffness)), J)
     way = 0.3 * max(float(np.ptp(o.position)) for o in seen)
     whole = LEVEL + stiffness * way
-    more = law.replace(
-        stiffness=[*law.stiffness, stiffness], fraction=[*(LEVEL / whole * np.array(law.fraction)), stiffness * way / whole],
-        coulomb=whole, static=whole,
-    )  # fmt: skip
+    fraction = [*(LEVEL / whole * np.array(law.fraction)), stiffness * way / whole]
+    more = law.replace(stiffness=[*law.stiffness, stiffness], fraction=fraction, coulomb=whole, static=whole)
     misfit = Misfit(HEALTHY.replace(more), seen)
     hidden = refine(misfit, misfit.vector(HEALTHY.replace(more)))
     begun = spring_instead(hidden)

@@ -125,9 +125,10 @@ def test_a_drag_takes_the_place_of_an_exponent_that_stands_for_it_at_the_noise_f
     """And friction that has that exponent keeps it."""
     law, noise = GMS.replace(static=1.4 * LEVEL, stribeck_velocity=3.0), 5e-4
     drag = effects.QuadraticDrag(coefficient=0.1 * LEVEL / 20**2)
-    for plant, there in ((HEALTHY.replace(law) + drag, True), (HEALTHY.replace(law.replace(stribeck_exponent=0.8)), False)):
+    curve = HEALTHY.replace(law.replace(stribeck_exponent=0.8))
+    for plant, there in ((HEALTHY.replace(law) + drag, True), (curve, False)):
         seen = observe(runs(plant, torque_noise=noise), J)
-        near = Misfit(HEALTHY.replace(law.replace(stribeck_exponent=0.8)), seen, freed=["gms.stribeck_exponent"])
+        near = Misfit(curve, seen, freed=["gms.stribeck_exponent"])
         now = refine(near, near.vector(near.coordinates.template))
         bent = refine(*near.onto(now.plant, now.vector))
         search = Search(seen, [], HEALTHY)
