@@ -46,3 +46,20 @@ def test_a_drag_is_tried_beside_another_curve_than_one_that_has_bent_to_stand_fo
             assert misfit.plant(x)["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
     search.false.add("quadratic_drag")
     assert not beside_straight(now, search.fits, search._addable)
+
+
+def test_a_drag_is_tried_beside_the_usual_exponent_of_a_curve_that_has_taken_another() -> None:
+    """Beside that other one it leaves more, and another coefficient."""
+    law, drag = GMS.replace(static=1.4 * LEVEL, stribeck_velocity=3.0), effects.QuadraticDrag(coefficient=1e-6)
+    seen = observe(runs(HEALTHY.replace(law) + drag), J)
+    other = HEALTHY.replace(law.replace(stribeck_exponent=0.8))
+    search, near = Search(seen, [], HEALTHY), Misfit(other, seen, fixed=["gms.stribeck_velocity"])
+    now = refine(near, near.vector(other))
+    search.steps = [Step(None, now)]
+    ((name, misfit, x),) = beside_straight(now, search.fits, search._addable)
+    assert name == "quadratic_drag"
+    plant = misfit.plant(x)
+    assert plant["gms"].stribeck_exponent == 1
+    assert plant["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.02)
+    beside = refine(*now.misfit.onto(now.plant + drag, now.vector))
+    assert left_of(misfit, x) < 0.5 * left_of(beside.misfit, beside.vector)

@@ -121,27 +121,6 @@ def test_a_drag_takes_the_place_of_a_curve_that_stands_for_it_at_the_noise_floor
             assert base.error > 1.2 * last.error
 
 
-def test_a_drag_takes_the_place_of_an_exponent_that_stands_for_it_at_the_noise_floor() -> None:
-    """And friction that has that exponent keeps it."""
-    law, noise = GMS.replace(static=1.4 * LEVEL, stribeck_velocity=3.0), 5e-4
-    drag = effects.QuadraticDrag(coefficient=0.1 * LEVEL / 20**2)
-    curve = HEALTHY.replace(law.replace(stribeck_exponent=0.8))
-    for plant, there in ((HEALTHY.replace(law) + drag, True), (curve, False)):
-        seen = observe(runs(plant, torque_noise=noise), J)
-        near = Misfit(curve, seen, freed=["gms.stribeck_exponent"])
-        now = refine(near, near.vector(near.coordinates.template))
-        bent = refine(*near.onto(now.plant, now.vector))
-        search = Search(seen, [], HEALTHY)
-        search.steps = [Step(None, bent, held_out=cross_validated(bent.misfit, bent.vector))]
-        assert search.at_floor and straightened(bent)
-        assert search.add_one(silent) == there
-        assert [s.effect for s in search.steps[1:]] == ["quadratic_drag"] * there
-        if there:
-            found = search.steps[-1].result.plant
-            assert found["quadratic_drag"].coefficient == pytest.approx(drag.coefficient, rel=0.1)
-            assert found["gms"].stribeck_exponent == 1
-
-
 def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
     """An effect that leaves less beside the present curve goes first; the curve that is left to find comes after it."""
     law = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
