@@ -98,8 +98,7 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     # Others have to leave much less: else they would hide a part of what is missing in a plant that is wrong yet.
     left = rest + torques[at, np.arange(len(apart))].sum(0)
     if "gms" in plant and squared(left[_forgotten(o, plant)]) < _TRAPPED * least:
-        begun = memory[apart], _loaded(plant["gms"], torques[: len(_LEVELS)], rest)
-        cost, states = min((_descended(elements, states, rest) for states in begun), key=lambda t: t[0])
+        cost, states = _descended(elements, _loaded(plant["gms"], torques[: len(_LEVELS)], rest), rest)
         if cost < _TRAPPED * least:
             memory[apart] = states
     return apart
