@@ -97,7 +97,7 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
     memory[apart] = levels[at, np.arange(len(apart))]
     # Others have to leave much less: else they would hide a part of what is missing in a plant that is wrong yet.
     left = rest + torques[at, np.arange(len(apart))].sum(0)
-    if "gms" in plant and squared(left[_forgotten(o, plant)]) < _TRAPPED * least:
+    if names == ["gms"] and squared(left[_forgotten(o, plant)]) < _TRAPPED * least:
         cost, states = _descended(elements, _loaded(plant["gms"], torques[: len(_LEVELS)], rest), rest)
         if cost < _TRAPPED * least:
             memory[apart] = states
@@ -137,23 +137,21 @@ def _one_by_one(torques: Array, rest: Array) -> tuple[float, NDArray[np.intp]]:
 
 def _loaded(gms: Effect, torques: Array, rest: Array) -> Array:
     """(n,) states as after a way from where the joint has never moved, and another back, of those that leave least as
-    far as levels between those of `torques` (levels, n, m) tell; arguments as for `_traded`."""
+    far as levels between those of `torques` (levels, n, m) tell; arguments as for `_one_by_one`."""
     distance = _break_away(gms)
-    way = np.geomspace(distance.min() / 4, 2 * distance.max(), _WAYS)
+    bends = distance[(distance > 0) & (np.asarray(gms.stiffness) > 0)]
+    if not len(bends):
+        return np.zeros(len(distance))
+    distance = np.maximum(distance, _ROUNDING * bends.min())
+    way = np.geomspace(bends.min() / 4, 2 * bends.max(), _WAYS)
     there, back = np.meshgrid(np.concatenate([-way, [0], way]), np.append(0, way))
     bent = np.clip(there.reshape(-1, 1) / distance, -1, 1)
     states = np.clip(bent - np.sign(there.reshape(-1, 1)) * back.reshape(-1, 1) / distance, -1, 1)
     order = np.argsort(_LEVELS)
     at = np.interp(states, np.asarray(_LEVELS)[order], np.arange(len(order)))
     weight = np.maximum(1 - np.abs(at[:, None] - np.argsort(order)[:, None]), 0).reshape(len(states), -1)
-    alone, together = _products(torques, rest)
-    return states[np.argmin(weight @ alone + ((weight @ together) * weight).sum(1))]
-
-
-def _products(torques: Array, rest: Array) -> tuple[Array, Array]:
-    """Products of torques (levels, n, m), twice with `rest` and with each other, of which squares of sums are made."""
     flat = torques.reshape(-1, torques.shape[-1])
-    return 2 * flat @ rest, gram(flat.T, flat.T)
+    return states[np.argmin(weight @ (2 * flat @ rest) + ((weight @ gram(flat.T, flat.T)) * weight).sum(1))]
 
 
 def _descended(elements: Callable[[Array], Array], states: Array, rest: Array) -> tuple[float, Array]:

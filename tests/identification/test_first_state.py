@@ -46,6 +46,17 @@ def test_a_record_that_begins_anywhere_is_left_as_one_of_which_all_is_known(seed
     assert rms(misfit.residual(settled)) < 3 * least
 
 
+@pytest.mark.parametrize("law", [
+    LAW.replace(fraction=[0.4, 0.6, 0, 0, 0]), LAW.replace(stiffness=[0.6, 0.5, 0.2, 0.08, 0]),
+    LAW.replace(coulomb=0, static=0),
+])  # fmt: skip
+def test_elements_that_carry_nothing_or_never_slip_are_no_obstacle(law: Effect) -> None:
+    (seen,) = observe([run(PLANT, growing(0)).slice(round(BEFORE / SAMPLE_TIME), None)], J)
+    misfit = Misfit(PLANT.replace(law), [seen])
+    start = misfit.vector(PLANT.replace(law))
+    assert misfit.cost(misfit.settle(start)) <= misfit.cost(start)
+
+
 def test_the_opening_of_a_record_ends_once_every_element_may_have_slipped() -> None:
     (late,) = observe([run(PLANT, growing(0)[round(BEFORE / SAMPLE_TIME) :])], J)
     (soon,) = observe([run(PLANT, 3 * growing(0))], J)
