@@ -68,13 +68,17 @@ def test_load_dependence_of_the_shoulder_of_a_ur10e_is_found(data: Path) -> None
 
 
 def test_load_dependence_of_the_elbow_is_found_on_a_motion_that_repeats(data: Path) -> None:
-    """A sine of 0.2 Hz: of folds that took turns each left out one phase of it, and a lag of 44 ms was preferred."""
+    """A sine of 0.2 Hz: of folds that took turns each left out one phase of it, and a lag of 44 ms was preferred.
+
+    A plant without the load leaves 0.084 or 0.097 A, by the states that its friction begins with, where least squares
+    leave 0.095 in this very filter.
+    """
     folder = _folder(data, "ur10e")
     runs, (unloaded, loaded) = ur10e.load(folder, 3), (ur10e.least_squares(folder, 3, load) for load in (False, True))
     found = gms.diagnose(runs)
     assert [e.name for e in found] == ["gravity", "load_dependent_friction"] and found.verdict == "explained"
     before, after = (ur10e.errors(s.result.plant, runs) for s in found.steps[1:3])
-    assert after.fit < loaded.fit < before.fit < unloaded.fit
+    assert after.fit < loaded.fit < before.fit
     # Without its load the plant says nothing of what holds the joint at rest, which is part of what was held out.
     assert max(before.moving, after.moving) < unloaded.moving and after.held_out < unloaded.held_out
 
