@@ -104,7 +104,8 @@ struct Effect {
   int (*n_state)(int n);
   int (*n_memory)(int n);
 
-  // Sets `state` from unknowns in [-1, 1] (0: never moved), which have no unit or are positions. Null where there is no memory.
+  // Sets `state` from unknowns in [-1, 1] (0: never moved), which have no unit or are positions; those of friction come
+  // times what modulates its level in that direction. Null where there is no memory.
   void (*recall)(const double* p, int n, const double* unknown, double* state);
 
   // Scales the level of the joint's friction laws, given the effect's state where the interval begins. Null where the effect
