@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 _OPENING = 2.0  # s of a record, at least
 _SURELY = 3.0  # break-away distances, after which an element has slipped, whatever it began with and modulates it
 _LEVELS = (-1.0, 0.0, 1.0, -0.5, 0.5)
-_STEPS = 16  # of Gauss and Newton, from the best of these levels
+_STEPS = 16  # of Gauss and Newton
 _FAR, _NEAR = 0.5, 0.02  # the longest of them, and one from which on no shorter one is tried
 _APART = 0.01  # of a level, over which derivatives are taken
 _TRAPPED = 0.5  # of what levels of one element after the other leave, that others leave where these are wrong
@@ -66,7 +66,7 @@ def _opening(observation: Seen, plant: Plant) -> Seen:
     have slipped, whichever way it was bent: of a sine that grows that may be late."""
     duration = _OPENING
     if isinstance(observation, Observation) and "gms" in plant:
-        record, furthest = observation.record, _SURELY * float(_break_away(plant["gms"]).max())
+        record, furthest = observation.record, _furthest(plant["gms"])
         whole = len(record) * record.sample_time
         while duration < whole and np.ptp(observation.position[: round(duration / record.sample_time)]) < furthest:
             duration *= 2
@@ -107,7 +107,12 @@ def _search_apart(o: Observation, plant: Plant, applied: Array, memory: Array) -
 def _forgotten(o: Observation, plant: Plant) -> NDArray[np.bool_]:
     """(m,) whether the motion has been so far by then that every element has slipped, whatever it began with."""
     way = np.maximum.accumulate(o.position) - np.minimum.accumulate(o.position)
-    return np.asarray(way[o.index] > _SURELY * _break_away(plant["gms"]).max())
+    return np.asarray(way[o.index] > _furthest(plant["gms"]))
+
+
+def _furthest(gms: Effect) -> float:
+    """The way after which every element has slipped, whatever it began with [rad]."""
+    return _SURELY * float(_break_away(gms).max())
 
 
 def _break_away(gms: Effect) -> Array:

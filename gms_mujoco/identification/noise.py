@@ -71,8 +71,7 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     """
     rates = np.array([1 / r.sample_time for r in records])
     alike = [r for r, rate in zip(records, rates, strict=True) if abs(rate / rates.max() - 1) < 1e-3]
-    h = float(np.mean([r.sample_time for r in alike]))
-    segment = min(1024, *(len(r) // 4 for r in alike))
+    h, segment = _cut(alike)
     errors = [mean_torque(r) - _rigid(r, inertia) for r in alike]
     inertia = typical_inertia(alike, inertia)
     f, use = _where_sensors_say_all(segment, h)
@@ -87,8 +86,13 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
     # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
-    torque = min(torque, float(np.quantile(_loudness(alike, segment, h), _QUIETER)))
+    torque = min(torque, float(np.quantile(_loudness(alike), _QUIETER)))
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
+
+
+def _cut(records: Sequence[Record]) -> tuple[float, int]:
+    """Sample time [s] of records that are sampled alike, and samples of a segment that their spectra are made of."""
+    return float(np.mean([r.sample_time for r in records])), min(1024, *(len(r) // 4 for r in records))
 
 
 def _where_sensors_say_all(segment: int, h: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -104,8 +108,9 @@ def _spectra(series: Sequence[Array], segment: int, h: float) -> list[Array]:
     return each(lambda x: scipy.signal.welch(x, 1 / h, **how)[1], series)
 
 
-def _loudness(records: Sequence[Record], segment: int, h: float) -> Array:
+def _loudness(records: Sequence[Record]) -> Array:
     """(n,) white noise that would be as loud as the torque of each record where the motion says little [N m]."""
+    h, segment = _cut(records)
     _, use = _where_sensors_say_all(segment, h)
     return np.sqrt([np.median(d[use]) / (2 * h) for d in _spectra([r.torque for r in records], segment, h)])
 
@@ -117,9 +122,8 @@ def _most_torque(record: Record, inertia: float) -> float:
     in which a controller's answer to these counts may be too.
     """
     noise, h = estimate_noise([record], inertia), record.sample_time
-    segment = min(1024, len(record) // 4)
     least = noise.position * typical_inertia([record], inertia) / h**2 * (2 * np.sin(np.pi * _QUIET_FROM / 2)) ** 2
-    return noise.torque if noise.torque**2 > _TOLD * least**2 else float(_loudness([record], segment, h)[0])
+    return noise.torque if noise.torque**2 > _TOLD * least**2 else float(_loudness([record])[0])
 
 
 def _variances(shapes: Array, density: Array) -> Array:

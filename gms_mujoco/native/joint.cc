@@ -49,10 +49,9 @@ void Joint::recall(const double* unknown, const Level& level, double* state) con
   for (const Use& use : uses_) {
     if (!use.effect->n_memory) continue;
     const int n = use.effect->n_memory(use.n);
+    const bool friction = is_friction(use.effect);
     double own[kMaxState];
-    for (int i = 0; i < n; i++) {
-      own[i] = unknown[i] * (is_friction(use.effect) ? std::max(level.at(unknown[i]), 0.0) : 1);
-    }
+    for (int i = 0; i < n; i++) own[i] = friction ? unknown[i] * std::max(level.at(unknown[i]), 0.0) : unknown[i];
     use.effect->recall(use.p.data(), use.n, own, state + use.state);
     unknown += n;
   }
