@@ -15,7 +15,7 @@ from .. import effects
 from ..effect import Effect
 from ..fit import fit_observations
 from ..fit_result import FitResult
-from ..identification.candidates import joined, shapes, width_of
+from ..identification.candidates import absent, joined, shapes, width_of
 from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.least_squares import nudge
 from ..identification.misfit import Misfit
@@ -254,6 +254,18 @@ class JointFits:
             return result
         begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
         return min(result, begun, key=attrgetter("error"))
+
+    def anew(self, name: str, result: FitResult) -> FitResult:
+        """The same joint fit, or above the noise floor that from the beginning with another form of an effect where it
+        leaves less: a form that is wrong may lead the plant to where no other does better."""
+        effect = result.plant[name]
+        ways = [form for form in self.forms(effect) if effect.replace(**form) != effect]
+        if not ways or result.error <= AT_FLOOR * result.floor:
+            return result
+        least = result.misfit.cost(result.vector)
+        rough = self.afresh(result.plant.without(name), absent(effect), ways, least)
+        misfit, x = min(rough, key=lambda t: t[0].cost(t[1]))
+        return min(result, self.to_end(misfit, x, least), key=attrgetter("error"))
 
     def formed(self, name: str, result: FitResult) -> FitResult:
         """The same joint fit, or that with another form of the effect or another contact of a play where it leaves

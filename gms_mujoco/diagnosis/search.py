@@ -63,7 +63,7 @@ from .judgement import (
 )
 from .moments import has_moments
 from .openings import DRAG, afresh, beside_following, beside_straight, for_stuck, general_laws, straight
-from .pairs import two_at_once
+from .pairs import TwoAtOnce
 from .reading import TorqueReading, ring
 from .steps import Step, Tried
 from .trials import beside_contained, beside_load, is_needless, p_beside, surer
@@ -374,11 +374,14 @@ class Search:
         self, screen: Screen, candidates: Sequence[Candidate], rough: Sequence[Rough], trials: Sequence[Trial],
         p_values: dict[str, float],
     ) -> bool:  # fmt: skip
-        """Adds two effects at once that earn their places beside each other; False where none do. See `two_at_once`."""
+        """Adds two effects at once that earn their places beside each other; False where none do."""
         if self.at_floor or len(self.steps) >= MOST_EFFECTS:
             return False
         now = self.steps[-1].result
-        both = two_at_once(now, self.fits, screen, candidates, rough, trials, p_values, self.selects)
+        two = TwoAtOnce(now, self.fits, screen, rough, trials, p_values, self.selects)
+        both = two.of(candidates)
+        if both is None and trials and not self.fits.simulated:
+            both = two.beside(min(trials, key=lambda t: t.held_out.total), self._addable)
         if both is None:
             return False
         self.steps += both
