@@ -229,3 +229,32 @@ def test_a_bristle_that_only_bends_gives_way_as_published_whatever_the_step(shar
     for n in (1, 7, 1000):
         reached = [friction(plant, np.linspace(0, way, n + 1))[-1] for way in ways]
         np.testing.assert_allclose(reached, FC * exact, atol=5e-5 * FC)
+
+
+@pytest.mark.parametrize("elastic", [0.0, 0.6])
+def test_a_bristle_is_damped_as_it_follows_a_level_that_changes_with_the_place(elastic):
+    """A way of many of its lengths in each interval, against its equation in steps as small as it takes: what it is
+    damped by is most of what the place does then."""
+    k, damping, share, n, fast = 5.0, 0.03, 0.3, 3, 40.0
+    law = effects.LuGre(stiffness=k, damping=damping, elastic=elastic, **CURVE)
+    place = effects.PositionDependentFriction(harmonics=[n], amplitude=[share], phase=[0.4], stiffening=0.0)
+    t = np.arange(800) * 5e-4
+    q, v = fast / 10 * np.sin(10 * t), fast * np.cos(10 * t)
+
+    def level(t):
+        return curve("lugre", abs(fast * np.cos(10 * t))) * (1 + share * np.sin(n * fast / 10 * np.sin(10 * t) + 0.4))
+
+    def slips(pull, t):
+        edge, s = elastic * FC * level(t) / curve("lugre", abs(fast * np.cos(10 * t))), level(t)
+        return (1 - np.sin(np.pi / 2 * np.clip((s - pull) / (s - edge), 0, 1)) ** 2 if elastic else 1.0) * pull / s
+
+    def rate(t, pull):
+        speed = fast * np.cos(10 * t)
+        return k * speed * (1 - slips(np.sign(speed) * pull, t))
+
+    exact = solve_ivp(rate, (0, t[-1]), [level(0)], "Radau", t, rtol=1e-8, atol=1e-12, max_step=1e-4).y[0]
+    damped = np.array([rate(at, pull) for at, pull in zip(t, exact, strict=True)]) * damping / k
+    assert np.ptp(damped) > FC
+    found = -(Plant.axis() + law + place).joint().replay(t, q, v, memory=np.array([1.0])).torque
+    moves = (t > 0.05) & (abs(v) > 1)
+    assert np.sqrt(np.mean((found - exact - damped)[moves] ** 2)) < 0.02 * FC

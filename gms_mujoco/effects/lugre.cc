@@ -2,10 +2,14 @@
 
 namespace {
 
-int n_state(int) { return 1; }  // bristle force sigma0 z on the moving side
+enum { kPull, kLevel };  // state: bristle force sigma0 z; its level, with the sign of the motion, 0 before any
+int n_state(int) { return 2; }
 int n_memory(int) { return 1; }
 
-void recall(const double* p, int, const double* unknown, double* state) { state[0] = unknown[0] * p[2]; }
+void recall(const double* p, int, const double* unknown, double* state) {
+  state[kPull] = unknown[0] * p[2];
+  state[kLevel] = 0;
+}
 
 double level_at(const double* p, double v, double direction, const gms::Level& level) {
   return gms::stribeck_level(v, p[2], p[3], p[4], p[5]) * level.at(direction);
@@ -62,15 +66,37 @@ double bent(double edge, double k, double along, double way, double s) {
   return s - width * left_to_give((s - along) / width, edge / s, k * way / width);
 }
 
+// By how much more a bristle pulls, after a way of so many s / sigma0, where s grows evenly by 1 than where it stays as it
+// is on average: it lags behind, and the less the longer the way.
+double following(double way) {
+  const double decayed = std::expm1(-way);
+  return way > 0 ? 1 + decayed / 2 + decayed / way : 0;
+}
+
+// The pull of a bristle of stiffness k along the motion after a way, on which s goes evenly from one value to another.
+double pulled(double edge, double k, double along, double way, double from, double to) {
+  const double s = (from + to) / 2;
+  if (!(s > 0)) return 0;
+  const double pull = bent(edge, k, along, way, s);
+  return to == from || pull < edge ? pull : pull + (to - from) * following(k * way / s);
+}
+
 double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
               double* next) {
-  const double direction = gms::sign(m.displacement);
-  double w = state[0];
-  if (direction != 0) {  // exact over the interval, with s at its mean velocity
-    const double s = level_at(p, m.rate(), direction, level), k = p[0] * level.stiffness_at(direction);
-    w = s > 0 ? direction * bent(edge_at(p, direction, level), k, direction * w, std::fabs(m.displacement), s) : 0;
+  const double direction = gms::sign(m.displacement), before = state[kLevel];
+  double w = state[kPull], now = before;
+  if (direction != 0) {
+    const double s = level_at(p, m.velocity, direction, level), k = p[0] * level.stiffness_at(direction);
+    const double from = before * direction > 0 ? std::fabs(before) : level_at(p, 0, direction, level);
+    w = direction * pulled(edge_at(p, direction, level), k, direction * w, std::fabs(m.displacement), from, s);
+    now = direction * s;
+  } else if (m.duration > 0) {
+    now = gms::sign(before) * level_at(p, 0, before, level);
+  } else if (before == 0) {
+    now = gms::sign(m.velocity) * level_at(p, m.velocity, m.velocity, level);
   }
-  next[0] = w;
+  next[kPull] = w;
+  next[kLevel] = now;
   if (p[1] == 0 || m.velocity == 0) return -w;
   const double s = level_at(p, m.velocity, m.velocity, level);
   const double slips = s > 0 ? slip(edge_at(p, m.velocity, level), gms::sign(m.velocity) * w, s) : 1;
@@ -86,8 +112,9 @@ const gms::Effect gms_effect_lugre = {
     "friction",
     "LuGre friction, F = sigma0 z + sigma1 dz/dt with dz/dt = v - sigma0 |v| z / s(v): one bristle that bends and\n"
     "follows s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta). Its viscous term sigma2 v is the effect `viscous`.\n"
-    "The bristle is integrated exactly over each interval, with s taken at its mean velocity. It has no non-local\n"
-    "memory: minor loops do not close, and it creeps under a varying load below break-away.\n"
+    "The bristle is integrated exactly over each interval, on which s goes evenly from its value before to its value\n"
+    "after: one that follows a level which changes with the place is damped too. It has no non-local memory: minor\n"
+    "loops do not close, and it creeps under a varying load below break-away.\n"
     "With a damping velocity Vd > 0 sigma1 exp(-(v/Vd)^2) stands for sigma1: what damps the bristle of a contact at rest\n"
     "is gone when it slides. Vd = 0, the default, is no unknown of a fit; any other value, or none (NaN), is.\n"
     "With an elastic share e > 0 the bristle only bends while it pulls less than e Fc along the motion, and slips beyond\n"
