@@ -60,7 +60,8 @@ def _to_its_end(
             friction.take(law)
             continue
         had_room, before = friction.has_room, list(search.steps)
-        if len(search.steps) <= most and search.add_one(part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)):
+        in_part = part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)
+        if len(search.steps) <= most and search.add_one(in_part, law.result if law else None):
             if not had_room:  # an effect has shown that less can be left than noise was thought to leave
                 law = friction.instead(before)
             if law is not None and law.held_out.total < search.held_out.total:

@@ -54,6 +54,7 @@ from .judgement import (
     is_told,
     is_worth_it,
     least_share,
+    leaves_much_less,
     left_of,
     simplest,
     swings,
@@ -179,14 +180,22 @@ class Search:
         found = [c for c in self._candidates(screen) if c.columns is not None]
         return max(found, key=lambda c: screen.explained(c, columns)).effect if found else None
 
-    def add_one(self, report: Progress) -> bool:
-        """Adds the effect that earns it most; False where none does, or what is in no catalogue leaves much less."""
+    def add_one(self, report: Progress, law: FitResult | None = None) -> bool:
+        """Adds the effect that earns it most; False where none does, or what is in no catalogue leaves much less.
+
+        Args:
+            report: called with a share in 0..1 and a message.
+            law: a fit with another law of friction, which is gone on with where this adds nothing: effects are then
+                looked for beside that, and here only what may come closer than it, and not from the beginning.
+        """
         current, fits = self.steps[-1].result, self.fits
         report(0.0, "screening the catalogue")
         screen = Screen(current.misfit, current.vector)
         scored = sorted(self._candidates(screen), key=lambda c: -c.gain)
         p_values = {c.effect.name: p_value(self.held_out, c.held_out) for c in scored}
         plants = {c.effect.name: joined(current.plant, c.effect) for c in scored}
+        if law is not None and self._promises_less(scored, law):
+            return False
 
         promising = self._promising(scored, p_values)[:_CONTENDERS]
         rough: list[Rough] = []
@@ -216,7 +225,7 @@ class Search:
             new = [c for c in promising if c.effect.name not in current.plant]
             added = self._accept(trials, p_values) or self._accept_two(screen, new, rough, trials, p_values)
             for more in (self._beside_following, lambda: self._afresh(new, report)):
-                if not added and (begun := more()):
+                if not added and law is None and (begun := more()):
                     trials += self._trials(begun, p_values, report)
                     added = self._accept(trials, p_values)
         fitted = {name: r.plant for name, r, _ in trials}
@@ -229,8 +238,18 @@ class Search:
         if not self.at_floor and self.relogged():  # the plant may have been led to where a habit shows
             self.first(silent)
             return True
+        if law is not None:
+            return False
         again = self.waits or self.steps[-1].result.error < _LED_ON * self._shaped_at
         return self._drag_for_curve() or self._refined() or (again and self.shape(at_last=True))
+
+    def _promises_less(self, scored: Sequence[Candidate], law: FitResult) -> bool:
+        """Whether another law of friction leaves much less than the plant, and less than a linear refit with any of the
+        candidates."""
+        now = self.steps[-1].result
+        most = max((c.gain for c in scored), default=0.0)
+        least = (1 - most) * left_of(now.misfit, now.vector)
+        return leaves_much_less(now, law) and left_of(law.misfit, law.vector) < least
 
     def _promising(self, scored: Sequence[Candidate], p_values: dict[str, float]) -> list[Candidate]:
         """The candidates of which a joint fit could be worth it, by their gains and p values in the linear refit.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,10 +25,11 @@ Array = NDArray[np.float64]
 
 _QUIET_FROM = 0.15  # of the Nyquist frequency: above it the motion says little and the sensors all
 _QUIETER = 0.25  # quantile over the records
-_ALIKE = 0.1  # scatter of the logarithm of what is the same in all records, and is read from noise
-_APART = 3.0  # times as far from each other: what is not
+_ALIKE = 0.15  # scatter of the logarithm of what is the same in all records, and is read from noise
+_APART = 0.3  # of what is not
+_FURTHER = 3.0  # times as far from each other as what is the same
 _FEWEST_RECORDS = 3  # that tell the one from the other
-_TOLD = 0.1  # of the power at the lowest of these frequencies, where that of the position is least: less is not told
+_TOLD = 1.0  # times the power at the lowest of these frequencies of that of the position, which is least there
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -153,24 +155,34 @@ def refine_noise(
         residuals: (m,) torque residual of each observation [N m].
         inertia: [kg m^2].
     """
-    def typical(o: Observation, r: Array) -> float:
-        n = min(_STRETCH, len(r))
-        f, _, power = scipy.signal.spectrogram(r, 1 / o.step, nperseg=n, noverlap=0, detrend="linear")
-        inside = _inside(f, o.bandwidth)
-        # The median of a periodogram's exponential distribution is ln 2 of its mean.
-        h = o.record.sample_time
-        density = np.median(power[inside], axis=1) / np.log(2) / (2 * h)
-        twice = (2 * np.sin(np.pi * f[inside] * h) / h) ** 2  # differentiated
-        known = (typical_inertia([o.record], inertia) * noise.position * twice) ** 2
-        quiet = known < _MOSTLY * density
-        return float(np.median((density - known)[quiet]) if quiet.any() else np.min(density))
-
     seen = [(o, r) for o, r in zip(observations, residuals, strict=True) if isinstance(o, Observation)]
     if not seen:
         return noise
-    found = np.sqrt(each(lambda t: typical(*t), seen))
-    share = _common_share(found, [o.record for o, _ in seen], inertia)
-    return replace(noise, torque=min(noise.torque, float(np.median(found))), share=share)
+    own, most = np.array([_left_of_noise(o, r, noise, inertia) for o, r in seen]).T
+    heard = own[np.isfinite(own)]
+    least = float(np.median(heard)) if len(heard) else math.inf
+    share = _common_share(most, [o.record for o, _ in seen], inertia)
+    return replace(noise, torque=min(noise.torque, least), share=share)
+
+
+def _left_of_noise(o: Observation, residual: Array, noise: Noise, inertia: float) -> tuple[float, float]:
+    """Noise of the torque that a residual shows, without what the noise of the position leaves in it, and with it [N m];
+    inf where rests that say nothing, and are 0 in it, leave no stretch of it."""
+    n = min(_STRETCH, len(residual))
+    told = np.all(residual[: len(residual) // n * n].reshape(-1, n), axis=1)
+    if not told.any():
+        return math.inf, math.inf
+    f, _, power = scipy.signal.spectrogram(residual, 1 / o.step, nperseg=n, noverlap=0, detrend="linear")
+    inside = _inside(f, o.bandwidth)
+    # The median of a periodogram's exponential distribution is ln 2 of its mean.
+    h = o.record.sample_time
+    density = np.median(power[inside][:, told], axis=1) / np.log(2) / (2 * h)
+    twice = (2 * np.sin(np.pi * f[inside] * h) / h) ** 2  # differentiated
+    known = (typical_inertia([o.record], inertia) * noise.position * twice) ** 2
+    quiet = known < _MOSTLY * density
+    if not quiet.any():
+        return (float(np.sqrt(np.min(density))),) * 2
+    return float(np.sqrt(np.median((density - known)[quiet]))), float(np.sqrt(np.median(density[quiet])))
 
 
 def shows_noise(observation: Observation) -> bool:
@@ -184,18 +196,19 @@ def _inside(frequency: Array, bandwidth: float) -> NDArray[np.bool_]:
     return (frequency > 0.1 * bandwidth) & (frequency < 0.7 * bandwidth)
 
 
-def _common_share(found: Array, records: Sequence[Record], inertia: float) -> float:
+def _common_share(left: Array, records: Sequence[Record], inertia: float) -> float:
     """The noise of each record over its torque, where that is the same in all and the noise is not; else 0.
 
     Args:
-        found: (n,) noise that a model has left of each record, at most [N m].
+        left: (n,) noise that a model has left of each record, at most [N m]; inf where it says nothing.
+        inertia: [kg m^2].
     """
     sizes = np.array([rms_torque(r) for r in records])
-    asks = len(records) >= _FEWEST_RECORDS and min(inertia, found.min(), sizes.min()) > 0
-    if not asks or _apart(sizes) < _APART * _ALIKE:
+    asks = np.isfinite(left).sum() >= _FEWEST_RECORDS and min(inertia, sizes.min()) > 0
+    if not asks or _apart(sizes) < _APART:
         return 0.0
-    noise = np.minimum(found, [_most_torque(r, inertia) for r in records])
-    same = noise.min() > 0 and _apart(noise / sizes) < min(_ALIKE, _apart(noise) / _APART)
+    noise = np.minimum(left, [_most_torque(r, inertia) for r in records])
+    same = noise.min() > 0 and _apart(noise / sizes) < min(_ALIKE, _apart(noise) / _FURTHER)
     return float(np.median(noise / sizes)) if same else 0.0
 
 

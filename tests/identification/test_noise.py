@@ -89,6 +89,17 @@ def test_a_residual_lowers_the_torque_noise_and_never_raises_it() -> None:
     assert refine_noise(low, observations, residuals) == low
 
 
+def test_rests_that_say_nothing_do_not_quieten_the_noise() -> None:
+    """Where counts hide what friction does a residual is 0: in half of one record, and in all of another."""
+    some, loud = [Observation(r, 100.0) for r in runs(HEALTHY, seconds=8)[:3]], Noise(1.0, 0.0, 0.0)
+    rng = np.random.default_rng(0)
+    left = [TORQUE * rng.standard_normal(len(o.index)) for o in some]
+    rests = [left[0], left[1] * (np.arange(len(left[1])) % 512 < 256), 0 * left[2]]
+    heard, in_part = (refine_noise(loud, some[: len(r)], r, 0.0).torque for r in (left[:2], rests))
+    assert in_part == pytest.approx(heard, rel=0.1)
+    assert refine_noise(loud, some, [0 * r for r in left], 0.0).torque == loud.torque
+
+
 def test_rough_inertia_is_roughly_right() -> None:
     assert rough_inertia(runs(BARE)) == pytest.approx(J, rel=0.01)
     assert rough_inertia(runs(HEALTHY)) == pytest.approx(J, rel=0.3)
@@ -152,6 +163,13 @@ def test_noise_that_is_a_share_of_the_torque_is_told_behind_counts_that_drown_it
     records = [_noisy(r, 2 * SHARE * rms(r.torque), k) for k, r in enumerate(quiet)]
     noise = fit(HEALTHY, records).noise
     assert [noise.torque_in(r) for r in records] == pytest.approx([2 * SHARE * rms(r.torque) for r in quiet], rel=0.25)
+
+
+def test_noise_that_is_a_share_of_the_torque_is_told_beside_a_record_within_a_count() -> None:
+    quiet = [r for seed in (0, 1) for r in runs(HEALTHY, seed=seed, torque_noise=0.0, resolution=100 * COUNT)]
+    still = replace(quiet[0], signals={**quiet[0].signals, "position": np.full(len(quiet[0]), quiet[0].position[0])})
+    records = [_noisy(r, 2 * SHARE * rms(r.torque), k) for k, r in enumerate([still, *quiet[1:]])]
+    assert fit(HEALTHY, records).noise.share == pytest.approx(2 * SHARE, rel=0.15)
 
 
 def test_noise_that_is_the_same_in_each_record_is_no_share_of_the_torque() -> None:
