@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..fit_result import FitResult, with_covariance
-from ..identification.candidates import ORDERS, absent, is_possible, is_present, strengths
+from ..identification.candidates import ORDERS, absent, is_possible, is_present, strengths, stronger
 from ..identification.held_out import HeldOut, block_of_row, p_value
 from ..identification.inverse import Observation
 from ..identification.linear_model import LinearModel, determined
@@ -63,27 +63,41 @@ def with_curve(result: FitResult) -> HeldOut:
 
 
 def without(result: FitResult, name: str) -> tuple[Misfit, Array]:
-    """The problem of a fit without one effect, and where to start."""
-    plant = result.plant.without(name)
-    misfit = Misfit(plant, result.misfit.observations)
-    if misfit.n_memory == result.misfit.n_memory:
-        return misfit, misfit.vector(plant, result.misfit.memories(result.vector, misfit.n_memory))
-    return misfit, misfit.vector(plant)
+    """The problem of a fit without one effect, and where to start: with friction as strong as leaves least, where the
+    effect has multiplied it."""
+    plant, own = result.plant.without(name), result.misfit
+    misfit = Misfit(plant, own.observations)
+    memories = own.memories(result.vector, misfit.n_memory) if misfit.n_memory == own.n_memory else None
+    x = misfit.vector(plant, memories)
+    return _as_strong(misfit, x) if result.plant[name].modulates else (misfit, x)
+
+
+def _as_strong(misfit: Misfit, x: Array) -> tuple[Misfit, Array]:
+    """The same problem where friction is multiplied by what leaves least; of records alone."""
+    if not all(isinstance(o, Observation) for o in misfit.observations):
+        return misfit, x
+    plant, left = misfit.plant(x), misfit.residual(x)
+    twice, there = misfit.onto(stronger(plant, 2.0), x)
+    change = twice.residual(there) - left
+    size = float(change @ change)
+    factor = 1 - float(left @ change) / max(size, 1e-300)
+    return misfit.onto(stronger(plant, factor), x) if size > 0 and factor > 0 else (misfit, x)
 
 
 def carries(name: str, before: FitResult, after: FitResult) -> bool:
     """Whether an effect does what was gained with it: at a strength of zero, all else as it is, most is lost again.
 
-    The rest of a plant may have found a better place, or a form that acts on others, at the side of an effect that does
-    next to nothing; and of a part that swings no more than the ring that a record begins with may be of use.
+    What multiplies friction always by the same does nothing. The rest of a plant may have found a better place, or a
+    form that acts on others, at the side of an effect that does next to nothing; and of a part that swings no more than
+    the ring that a record begins with may be of use.
     """
     effect = after.plant[name]
     if not (is_present(effect) and is_possible(effect)):
         return False
     if absent(effect) == effect:  # absent only at the end of its range
         return True
-    idle = after.plant.replace(absent(effect))
-    left, least = left_of(*after.misfit.onto(idle, after.vector)), left_of(after.misfit, after.vector)
+    idle = after.misfit.onto(after.plant.replace(absent(effect)), after.vector)
+    left, least = left_of(*(_as_strong(*idle) if effect.modulates else idle)), left_of(after.misfit, after.vector)
     gained = left_of(before.misfit, before.vector) - least
     lost = left - least > _CARRIED * gained
     if not lost or not swings(effect):

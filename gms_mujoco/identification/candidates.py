@@ -188,6 +188,15 @@ def absent(effect: Effect) -> Effect:
     return effect.replace(**{p.name: 0 * np.asarray(effect.values[p.name]) for p in strengths(type(effect))})
 
 
+def stronger(plant: Plant, factor: float) -> Plant:
+    """The plant with a multiple of all its friction, at rest and sliding."""
+    for e in plant.effects:
+        if e.kind == "friction" and not e.modulates:
+            torques = [p.name for p in e.parameters if p.unit.startswith("N")]
+            plant = plant.replace(e.replace(**{k: factor * np.asarray(e.values[k]) for k in torques}))
+    return plant
+
+
 def has_phase(effect: type[Effect]) -> bool:
     """Whether the effect is a harmonic with a free phase: two quadratures of one strength."""
     return any(p.name == "phase" for p in effect.parameters)

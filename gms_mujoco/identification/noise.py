@@ -166,8 +166,8 @@ def refine_noise(
 
 
 def _left_of_noise(o: Observation, residual: Array, noise: Noise, inertia: float) -> tuple[float, float]:
-    """Noise of the torque that a residual shows, without what the noise of the position leaves in it, and with it [N m];
-    inf where rests that say nothing, and are 0 in it, leave no stretch of it."""
+    """Noise of the torque that a residual shows, without what the noise of the position leaves in it, and with it
+    [N m]; inf where rests that say nothing, and are 0 in it, leave no stretch of it."""
     n = min(_STRETCH, len(residual))
     told = np.all(residual[: len(residual) // n * n].reshape(-1, n), axis=1)
     if not told.any():

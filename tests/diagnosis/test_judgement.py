@@ -14,13 +14,16 @@ from gms_mujoco.diagnosis import judgement
 from gms_mujoco.diagnosis.judgement import (
     FALSE_DISCOVERY_RATE,
     LEAST_SHARE,
+    carries,
     discoveries,
     finalists,
     least_share,
     simplest,
+    without,
 )
 from gms_mujoco.effect import Effect
-from gms_mujoco.fit_result import FitResult
+from gms_mujoco.fit_result import FitResult, result_of
+from gms_mujoco.identification.candidates import stronger
 from gms_mujoco.identification.held_out import HeldOut
 from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.misfit import Misfit
@@ -251,3 +254,22 @@ def test_a_part_that_swings_by_itself_carries_nothing_and_one_that_the_axis_driv
         after = refine(*before.misfit.onto(before.plant + start, before.vector))
         assert after.error < 0.5 * before.error
         assert judgement.carries("flexible_coupling", before, after) is (measured is not hums)
+
+
+def test_what_multiplies_friction_always_by_the_same_carries_nothing_and_is_gone_without_a_loss() -> None:
+    """Beside friction that is twice as strong what halves it for good leaves as little as none."""
+    seen = observe(runs(HEALTHY), J)
+    halved = stronger(HEALTHY, 2.0) + effects.ThermalDrift(amplitude=-0.5, time_constant=1e12, whole=1.0)
+    weaker, result = (_as_it_is(p, seen) for p in (stronger(HEALTHY, 0.5), halved))
+    assert result.error < 0.2 * weaker.error
+    assert not carries("thermal_drift", weaker, result)
+    misfit, x = without(result, "thermal_drift")
+    assert misfit.cost(x) == pytest.approx(result.misfit.cost(result.vector), rel=0.01)
+    fades = HEALTHY + effects.ThermalDrift(amplitude=1.0, time_constant=1.0)
+    before, after = (_as_it_is(p, observe(runs(fades), J)) for p in (stronger(HEALTHY, 1.32), fades))  # its mean
+    assert carries("thermal_drift", before, after)
+
+
+def _as_it_is(plant: Plant, seen: list[Observation]) -> FitResult:
+    misfit = Misfit(plant, seen)
+    return result_of(misfit, misfit.vector(plant))
