@@ -83,7 +83,7 @@ def test_a_search_ends_where_another_has_been(monkeypatch: pytest.MonkeyPatch) -
     search = gone_astray(dataset(HEALTHY + LEANING.replace(level=0.3)))
     asked: list[Search] = []
 
-    def none_more(search: Search, report: object) -> bool:
+    def none_more(search: Search, report: object, law: object) -> bool:
         asked.append(search)
         return False
 
