@@ -14,7 +14,7 @@ from ..identification.linear_model import cross_validated
 from ..identification.refine import refine
 from ..identification.screen import Candidate, Screen
 from .joint_fits import JointFits, Rough
-from .judgement import Trial, carries, discoveries, floor_of, takes, without
+from .judgement import LEAST_GAIN, Trial, carries, discoveries, floor_of, takes, without
 from .steps import Step
 from .trials import p_beside
 
@@ -37,6 +37,11 @@ class _Pair(NamedTuple):
     @property
     def label(self) -> str:
         return f"{self.first} and {self.other.effect.name}"
+
+    @property
+    def unknowns(self) -> int:
+        """Of the second, in a linear refit."""
+        return 0 if self.other.columns is None else self.other.columns.shape[1]
 
 
 class TwoAtOnce:
@@ -85,12 +90,16 @@ class TwoAtOnce:
         return self._best_of(pairs, {trial.name: trial.held_out.total})
 
     def _best_of(self, pairs: Sequence[_Pair], alone: dict[str, float]) -> tuple[Step, Step] | None:
-        """The two that leave least of those that may earn it, where they do; `alone` is what the first of each
-        leaves."""
+        """The two that leave least of those that may earn it, where they do; of several that leave about as much those
+        of which the second has fewest unknowns. `alone` is what the first of each leaves."""
         self.p_values |= {pair.label: pair.p_value for pair in pairs}
         passed, floor = discoveries(self.p_values), floor_of(self.now)
         worth = [p for p in pairs if p.label in passed and takes(alone[p.first], p.left.total, floor)]
-        return self._earned(min(worth, key=lambda p: p.left.total)) if worth else None
+        if not worth:
+            return None
+        least = min(p.left.total for p in worth)
+        close = [p for p in worth if p.left.total - least <= LEAST_GAIN * p.left.total]
+        return self._earned(min(close, key=lambda p: (p.unknowns, p.left.total)))
 
     def _earned(self, pair: _Pair) -> tuple[Step, Step] | None:
         """A step with each of two effects, fitted jointly, where each earns its place beside the other."""
