@@ -2,7 +2,7 @@
 
 namespace {
 
-enum { kPull, kLevel };  // state: bristle force sigma0 z; its level, with the sign of the motion, 0 before any
+enum { kPull, kLevel };  // state: bristle force sigma0 z; what multiplies its level, along the last motion; 0 before any
 int n_state(int) { return 2; }
 int n_memory(int) { return 1; }
 
@@ -83,20 +83,17 @@ double pulled(double edge, double k, double along, double way, double from, doub
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
               double* next) {
-  const double direction = gms::sign(m.displacement), before = state[kLevel];
-  double w = state[kPull], now = before;
-  if (direction != 0) {
-    const double s = level_at(p, m.velocity, direction, level), k = p[0] * level.stiffness_at(direction);
-    const double from = before * direction > 0 ? std::fabs(before) : level_at(p, 0, direction, level);
-    w = direction * pulled(edge_at(p, direction, level), k, direction * w, std::fabs(m.displacement), from, s);
-    now = direction * s;
-  } else if (m.duration > 0) {
-    now = gms::sign(before) * level_at(p, 0, before, level);
-  } else if (before == 0) {
-    now = gms::sign(m.velocity) * level_at(p, m.velocity, m.velocity, level);
+  const double direction = gms::sign(m.displacement), before = direction * state[kLevel];
+  double w = state[kPull], along = state[kLevel];
+  if (direction != 0) {  // exact over the interval, with the curve at its mean velocity and a multiplier that goes evenly
+    const double now = level.at(direction), from = before > 0 ? before : now;
+    const double curve = gms::stribeck_level(m, p[2], p[3], p[4], p[5]), k = p[0] * level.stiffness_at(direction);
+    const double edge = edge_at(p, direction, level), way = std::fabs(m.displacement);
+    w = direction * pulled(edge, k, direction * w, way, from * curve, now * curve);
+    along = direction * now;
   }
   next[kPull] = w;
-  next[kLevel] = now;
+  next[kLevel] = along;
   if (p[1] == 0 || m.velocity == 0) return -w;
   const double s = level_at(p, m.velocity, m.velocity, level);
   const double slips = s > 0 ? slip(edge_at(p, m.velocity, level), gms::sign(m.velocity) * w, s) : 1;
@@ -112,9 +109,10 @@ const gms::Effect gms_effect_lugre = {
     "friction",
     "LuGre friction, F = sigma0 z + sigma1 dz/dt with dz/dt = v - sigma0 |v| z / s(v): one bristle that bends and\n"
     "follows s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta). Its viscous term sigma2 v is the effect `viscous`.\n"
-    "The bristle is integrated exactly over each interval, on which s goes evenly from its value before to its value\n"
-    "after: one that follows a level which changes with the place is damped too. It has no non-local memory: minor\n"
-    "loops do not close, and it creeps under a varying load below break-away.\n"
+    "The bristle is integrated exactly over each interval, with s taken at its mean velocity; what multiplies s goes\n"
+    "evenly from its value before to its value after: a bristle that follows a level which changes with the place is\n"
+    "damped too. It has no non-local memory: minor loops do not close, and it creeps under a varying load below\n"
+    "break-away.\n"
     "With a damping velocity Vd > 0 sigma1 exp(-(v/Vd)^2) stands for sigma1: what damps the bristle of a contact at rest\n"
     "is gone when it slides. Vd = 0, the default, is no unknown of a fit; any other value, or none (NaN), is.\n"
     "With an elastic share e > 0 the bristle only bends while it pulls less than e Fc along the motion, and slips beyond\n"
