@@ -29,7 +29,6 @@ _ALIKE = 0.15  # scatter of the logarithm of what is the same in all records, an
 _APART = 0.3  # of what is not
 _FURTHER = 3.0  # times as far from each other as what is the same
 _FEWEST_RECORDS = 3  # that tell the one from the other
-_TOLD = 1.0  # times the power at the lowest of these frequencies of that of the position, which is least there
 _MOSTLY = 0.5  # of the power: below, what is known can be taken off without much doubt
 _BINS = 25  # of a spectrum's frequencies, whose median is taken
 _FEWEST_SAMPLES = 10  # per period of the highest frequency compared: within it a held torque is well resolved
@@ -120,12 +119,12 @@ def _loudness(records: Sequence[Record]) -> Array:
 def _most_torque(record: Record, inertia: float) -> float:
     """How loud the noise of the torque may be, as the high frequencies of a record tell [N m].
 
-    Where its counts are so coarse that they are all that u - J q'' shows there, that is what the torque itself shows,
-    in which a controller's answer to these counts may be too.
+    Where counts are louder in u - J q'' even at the lowest of these, at which they are least, it is what the torque
+    itself shows, in which a controller's answer to these counts may be too.
     """
     noise, h = estimate_noise([record], inertia), record.sample_time
     least = noise.position * typical_inertia([record], inertia) / h**2 * (2 * np.sin(np.pi * _QUIET_FROM / 2)) ** 2
-    return noise.torque if noise.torque**2 > _TOLD * least**2 else float(_loudness([record])[0])
+    return noise.torque if noise.torque > least else float(_loudness([record])[0])
 
 
 def _variances(shapes: Array, density: Array) -> Array:
@@ -158,7 +157,7 @@ def refine_noise(
     seen = [(o, r) for o, r in zip(observations, residuals, strict=True) if isinstance(o, Observation)]
     if not seen:
         return noise
-    own, most = np.array([_left_of_noise(o, r, noise, inertia) for o, r in seen]).T
+    own, most = np.array(each(lambda t: _left_of_noise(*t, noise, inertia), seen)).T
     heard = own[np.isfinite(own)]
     least = float(np.median(heard)) if len(heard) else math.inf
     share = _common_share(most, [o.record for o, _ in seen], inertia)
