@@ -3,7 +3,8 @@
 Importing this module registers the plug-in `gms`, so that a saved MJCF loads. All joints that are given friction at
 once share one plug-in instance, which costs least: MuJoCo spends about as long on calling an instance as the
 friction of a joint takes. It hangs on the bodies of its joints, so that it comes along when a model is attached to
-another.
+another, or a part of it is: of joints that are not there, or deleted, the model is then compiled without the friction,
+with a warning.
 """
 
 from __future__ import annotations
@@ -213,15 +214,23 @@ def _warn(joint: Any, plant: Plant) -> None:
             "happen in MuJoCo",
             stacklevel=4,
         )
-    twice = {"frictionloss": bool(friction), "damping": "viscous" in friction}
+    twice = {"frictionloss": bool(friction), "damping": "viscous" in friction, "springdamper": "viscous" in friction}
     for key, counts in twice.items():
-        value = float(np.max(np.abs(getattr(joint, key))))
-        if counts and value > 0:
+        value = np.abs(getattr(joint, key))
+        if counts and np.any(value > 0):
+            text = " ".join(f"{x:g}" for x in np.trim_zeros(np.atleast_1d(value), "b"))
             warnings.warn(
-                f"joint {joint.name!r} has {key} {value:g} and gets {', '.join(friction)}: both act; "
+                f"joint {joint.name!r} has {key} {text} and gets {', '.join(friction)}: both act; "
                 f"set {key} to 0 unless that is meant",
                 stacklevel=4,
             )
+    if joint.armature == 0 and any(e.kind == "controller" for e in plant.effects):
+        inertia = "" if plant.inertia is None else f", {plant.inertia:g} {plant.mass_unit},"
+        warnings.warn(
+            f"joint {joint.name!r} has no armature, and its servo is unstable at usual time steps without its own "
+            f"inertia{inertia} which attach adds nowhere: set `armature` of the joint to it",
+            stacklevel=4,
+        )
 
 
 def _uncouple(joint: Any, plant: Plant) -> None:

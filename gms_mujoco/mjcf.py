@@ -10,6 +10,8 @@
 With a gear g between joint and dcmotor, torques are g times the motor's and its angle is g times the joint's. Drive
 effects are read from actuators and limits of the joint (delay, current_loop_lag, torque_saturation). Springs, weight,
 limits and contacts are the mechanism's: they stay with the model, as they do in a measurement set with `[axis] model`.
+Of a `springdamper` the damping is the joint's and the spring the mechanism's. Friction and damping of tendons stay too,
+and are named.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from . import effects
 from .effect import Effect
@@ -51,6 +54,8 @@ def plant_of_joint(model: mujoco.MjSpec | str | os.PathLike[str], joint: str) ->
         ModelError: no such model or joint, the model does not compile, or one law acts on the joint twice.
     """
     spec = spec_of(model)
+    if not isinstance(joint, str):
+        raise ModelError(f"the name of a joint is expected; {joint!r} given")
     found = spec.joint(joint)
     if found is None:
         names = listing(j.name for j in spec.joints if j.name)
@@ -58,8 +63,11 @@ def plant_of_joint(model: mujoco.MjSpec | str | os.PathLike[str], joint: str) ->
     kind = _KINDS.get(mujoco.mjtJoint(found.type))
     if kind is None:
         raise ModelError(f"joint {joint!r} is a ball or free joint; a plant needs a hinge or a slide")
-    left_out: list[str] = []
-    parts = [*_attached(spec, joint), *_own(spec, found, left_out)]
+    now = compiled(spec.copy())
+    dof = int(now.joint(joint).dofadr[0])
+    left_out = _tendons(now, dof)
+    damping = np.array([now.dof_damping[dof], *now.dof_dampingpoly[dof]])  # a springdamper is damping once compiled
+    parts = [*_attached(spec, joint), *_own(spec, found, damping, left_out)]
     parts += [e for cls in effects.CATALOGUE.values() if (e := cls.found(spec, joint)) is not None]
     plant = Plant(None, (), kind)
     for e in parts:
@@ -73,18 +81,31 @@ def plant_of_joint(model: mujoco.MjSpec | str | os.PathLike[str], joint: str) ->
     }
     if left_out:
         told["left_out"] = left_out
-    inertia = _inertia(spec, joint) + sum(e.hidden_inertia for e in plant.effects)
+    inertia = _inertia(now, dof) + sum(e.hidden_inertia for e in plant.effects)
     return Plant(inertia, plant.effects, kind, provenance=told)
 
 
-def _inertia(spec: mujoco.MjSpec, joint: str) -> float:
-    model = compiled(spec.copy())
+def _inertia(model: mujoco.MjModel, dof: int) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, full)
-    dof = int(model.jnt_dofadr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)])
     return float(full[dof, dof])
+
+
+def _tendons(model: mujoco.MjModel, dof: int) -> list[str]:
+    """A line for each tendon that brakes a joint, which no effect of one joint is."""
+    lines = []
+    for i in range(model.ntendon):
+        start = model.ten_J_rowadr[i]
+        losses = {
+            "frictionloss": float(model.tendon_frictionloss[i]),
+            "damping": max(float(model.tendon_damping[i]), *map(float, model.tendon_dampingpoly[i])),
+        }
+        if dof in model.ten_J_colind[start : start + model.ten_J_rownnz[i]] and any(losses.values()):
+            has = " and ".join(f"{key} {value:g}" for key, value in losses.items() if value)
+            lines.append(f"tendon {model.tendon(i).name!r} with {has} acts on it and stays in the model")
+    return lines
 
 
 def _added(plant: Plant, effect: Effect, joint: str) -> Plant:
@@ -113,16 +134,15 @@ def _attached(spec: mujoco.MjSpec, joint: str) -> list[Effect]:
     return []
 
 
-def _own(spec: mujoco.MjSpec, joint: Any, left_out: list[str]) -> list[Effect]:
-    """The effects that MuJoCo's own elements are."""
+def _own(spec: mujoco.MjSpec, joint: Any, damping: NDArray[np.float64], left_out: list[str]) -> list[Effect]:
+    """The effects that MuJoCo's own elements are; `damping` (3,) is the joint's, by powers of its velocity."""
     found: list[Effect] = []
     if joint.frictionloss > 0:
         found.append(effects.find("coulomb")(coulomb=joint.frictionloss))
-    damping = np.array(joint.damping, float)
     for actuator in spec.actuators:
         if actuator.target == joint.name and actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT:
             gear = float(actuator.gear[0])
-            damping += gear**2 * np.asarray(actuator.damping)
+            damping = damping + gear**2 * np.asarray(actuator.damping)
             if actuator.biastype == mujoco.mjtBias.mjBIAS_DCMOTOR:
                 found += _motor(actuator, gear, left_out)
                 if actuator.ctrlspec == mujoco.mjtCtrlInput.mjINPUT_NONE:  # its windings are closed: they brake

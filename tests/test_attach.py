@@ -246,6 +246,18 @@ def test_attach_warns_of_friction_that_counts_twice():
         engine.attach(MIXED, {"slider": Plant.axis(kind="slide") + effects.Coulomb(coulomb=1.0)})
     with pytest.warns(UserWarning, match="damping"):
         engine.attach(AXIS.replace('name="shaft"', 'name="shaft" damping="1e-5"'), {"shaft": BEARING})
+    with pytest.warns(UserWarning, match=r"springdamper 0\.1 1 .*both act"):
+        engine.attach(AXIS.replace('name="shaft"', 'name="shaft" springdamper="0.1 1"'), {"shaft": BEARING})
+
+
+def test_attach_says_which_armature_a_servo_needs_on_a_joint_that_has_none():
+    servo = Plant.load("sts3215")
+    bare = AXIS.replace('<actuator><motor name="drive" joint="shaft"/></actuator>', "")
+    with pytest.warns(UserWarning, match=r"'shaft' has no armature.* 0\.0181383 kg m\^2.*: set `armature`") as told:
+        spec = servo.attach(bare, "shaft")
+    assert len(told) == 1 and spec.joint("shaft").armature == 0
+    with warnings.catch_warnings(action="error"):
+        servo.attach(bare.replace('name="shaft"', f'name="shaft" armature="{servo.inertia}"'), "shaft")
 
 
 def test_attach_leaves_other_joints_and_inertia_alone():
@@ -452,14 +464,40 @@ def test_a_joint_with_a_blank_in_its_name():
     assert engine.friction(model, data, "left elbow").torque == pytest.approx(-4e-5)
 
 
-def test_a_part_of_a_model_that_shares_friction_cannot_go_alone_unnoticed():
-    child = engine.attach(two_joint_arm(), {"*": BEARING})
-    parent = mujoco.MjSpec()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        parent.worldbody.add_frame().attach_body(child.body("lower"), "r_", "")
-        with pytest.raises(ValueError, match="no joint is called 'r_shoulder'"):
-            parent.compile()
+@pytest.mark.parametrize("change", ["part", "body", "joint", "name"])
+def test_joints_that_share_friction_go_on_without_one_that_is_left_behind_and_that_is_told(change):
+    other = BEARING.replace(BEARING["gms"].replace(coulomb=4e-3))
+    spec = engine.attach(two_joint_arm(), {"shoulder": BEARING, "elbow": other})
+    left, gone = ("r_elbow", "r_shoulder") if change == "part" else ("shoulder", "elbow")
+    if change == "part":
+        parent = mujoco.MjSpec()
+        parent.worldbody.add_frame().attach_body(spec.body("lower"), "r_", "")
+        spec = parent
+    elif change == "name":
+        spec.joint("elbow").name = "wrist"
+    else:
+        spec.delete(spec.body("lower") if change == "body" else spec.joint("elbow"))
+    with pytest.warns(UserWarning, match=rf"friction of '{gone}' is left out: .*; the joints are .*{left}"):
+        model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = 0.1
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+    reading, plant = engine.friction(model, data, left), other if change == "part" else BEARING
+    assert reading.torque != 0 and len(reading.forces) == 4
+    with warnings.catch_warnings(action="ignore"):
+        assert plant_of_joint(spec, left)["gms"].values == plant["gms"].values
+    if change == "name":
+        with pytest.raises(ModelError, match="'wrist' has no friction"):
+            engine.friction(model, data, "wrist")
+
+
+def test_friction_whose_joints_are_all_gone_does_not_compile():
+    spec = engine.attach(two_joint_arm(), {"*": BEARING})
+    for name in "shoulder", "elbow":
+        spec.joint(name).name += "_2"
+    with pytest.raises(ValueError, match="no joint is called 'shoulder'; the joints are shoulder_2, elbow_2"):
+        spec.compile()
 
 
 def test_a_load_heavier_than_its_axis_is_refused_and_of_an_unknown_axis_warned_of_in_its_own_unit():

@@ -164,6 +164,27 @@ def test_what_no_effect_expresses_is_named() -> None:
         Plant.from_mjcf(model(actuators=motor), "shaft")
 
 
+def test_a_springdamper_is_the_damping_that_it_is_compiled_to() -> None:
+    xml = model('springdamper="0.2 1" damping="7 0.02"')  # 7 does not count then
+    plant = Plant.from_mjcf(xml, "shaft")
+    damping = mujoco.MjModel.from_xml_string(xml).dof_damping[0]
+    assert plant.effects == (effects.Viscous(coefficient=damping), effects.QuadraticDrag(coefficient=0.02))
+    assert damping == pytest.approx(2 * J / 0.2)
+
+
+def test_tendons_that_brake_a_joint_are_named() -> None:
+    tendons = (
+        '<tendon><fixed name="rope" frictionloss="2" damping="3"><joint joint="shaft" coef="2"/></fixed>'
+        '<fixed name="free" stiffness="1"><joint joint="shaft" coef="2"/></fixed>'
+        '<fixed name="other" damping="1"><joint joint="tilt" coef="1"/></fixed></tendon></mujoco>'
+    )
+    tilt = '<body><joint name="tilt"/><geom size="0.1"/></body></worldbody>'
+    xml = model().replace("</worldbody>", tilt).replace("</mujoco>", tendons)
+    with pytest.warns(UserWarning, match="tendon 'rope' with frictionloss 2 and damping 3 acts on it") as told:
+        plant = Plant.from_mjcf(xml, "shaft")
+    assert len(told) == len(plant.provenance["left_out"]) == 1 and not plant.effects
+
+
 def test_a_slide_and_the_axis_of_the_package(tmp_path) -> None:
     path = tmp_path / "table.xml"
     path.write_text(model('frictionloss="2" type="slide"'))
@@ -176,6 +197,7 @@ def test_a_slide_and_the_axis_of_the_package(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("source", "joint", "message"),
     [
+        (model(), None, "the name of a joint is expected; None given"),
         (model(), "elbow", "no joint is called 'elbow'; the joints are shaft"),
         (model('type="ball"').replace('<motor name="drive" joint="shaft"/>', ""), "shaft", "ball or free joint"),
         ("nowhere.xml", "shaft", "nowhere.xml: no such file"),

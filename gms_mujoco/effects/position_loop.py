@@ -43,7 +43,8 @@ class PositionLoop(Effect):
         """Gives the joint MuJoCo's own `dcmotor`, whose control is the goal [rad], named after the joint.
 
         Its inner goal begins at 0: set `data.act` where the joint begins elsewhere. Disabling its actuator group is
-        switching the bridge off.
+        switching the bridge off. The inertia of the plant belongs in the `armature` of the joint, without which the
+        loop is unstable at usual time steps.
 
         Raises:
             ModelError: an actuator acts on the joint already.

@@ -38,11 +38,20 @@ Config config(const mjModel* m, int id) {
 
 std::string instance_name(const mjModel* m, int id) { return m->names + m->name_pluginadr[id]; }
 
+std::string the_joints(const mjModel* m) {
+  std::string known;
+  for (int i = 0; i < m->njnt; i++) {
+    const std::string name = m->names + m->name_jntadr[i];
+    if (!name.empty() && known.size() < 200) known += (known.empty() ? "" : ", ") + name;
+  }
+  return "the joints are " + (known.empty() ? "none" : known);
+}
+
 // The joints of an instance: those its config names, separated by blanks, else the one it is called after. Where they
 // differ in friction semicolons stand between those that are alike, and between what is given for these; a value without
 // semicolons counts for all. Attaching a model to another changes names, not configs: a config that says how the instance
 // was called, `name`, says with that what has come before and after.
-std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
+std::string read_served(const mjModel* m, int id, std::vector<Served>* out, std::string* absent) {
   const std::string now = instance_name(m, id), once = config(m, id)("name"), given = config(m, id)("joint");
   const size_t at = once.empty() ? std::string::npos : now.find(once);
   const std::string prefix = at == std::string::npos ? "" : now.substr(0, at);
@@ -63,6 +72,8 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
     parts.resize(n, parts[0]);
     values[key] = std::move(parts);
   }
+  std::vector<std::string> missing;
+  bool any = false;
   for (size_t i = 0; i < n; i++) {
     const auto value = [&](const std::string& key) {
       const auto found = values.find(key);
@@ -70,9 +81,19 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
     };
     Served x;
     std::istringstream words(joints[i]);
-    for (std::string word; words >> word;) x.names.push_back(prefix + word + suffix);
-    if (given.empty()) x.names.push_back(now);
-    if (x.names.empty()) return "joint must name at least one between semicolons; '" + given + "' given";
+    std::vector<std::string> names;
+    for (std::string word; words >> word;) names.push_back(prefix + word + suffix);
+    if (given.empty()) names.push_back(now);
+    if (names.empty()) return "joint must name at least one between semicolons; '" + given + "' given";
+    for (const std::string& name : names) {
+      const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
+      if (joint >= 0) {
+        x.joints.push_back(joint);
+      } else {
+        missing.push_back(name);
+      }
+    }
+    any = any || !x.joints.empty();
     const std::string integration = value("integration");
     const auto end = std::end(kIntegration), found = std::find(std::begin(kIntegration), end, integration);
     if (!integration.empty() && found == end) {
@@ -83,20 +104,16 @@ std::string read_served(const mjModel* m, int id, std::vector<Served>* out) {
     if (!wrong.empty()) return wrong;
     out->push_back(std::move(x));
   }
+  if (!any) return "no joint is called '" + missing[0] + "'; " + the_joints(m);
+  for (const std::string& name : missing) {
+    if (absent) *absent += (absent->empty() ? "'" : ", '") + name + "'";
+  }
   return "";
 }
 
-static std::string read_unit(const mjModel* m, const std::string& name, Unit* out) {
-  const int joint = engine.mj_name2id(m, mjOBJ_JOINT, name.c_str());
-  if (joint < 0) {
-    std::string known;
-    for (int i = 0; i < m->njnt; i++) {
-      const std::string other = m->names + m->name_jntadr[i];
-      if (!other.empty() && known.size() < 200) known += (known.empty() ? "" : ", ") + other;
-    }
-    return "no joint is called '" + name + "'; the joints are " + (known.empty() ? "none" : known);
-  }
+static std::string read_unit(const mjModel* m, int joint, Unit* out) {
   if (m->jnt_type[joint] != mjJNT_HINGE && m->jnt_type[joint] != mjJNT_SLIDE) {
+    const std::string name = m->names + m->name_jntadr[joint];
     return "joint '" + name + "' must be a hinge or a slide, not a ball or free joint";
   }
   out->dof = m->jnt_dofadr[joint];
@@ -145,9 +162,9 @@ std::string read_instance(const mjModel* m, int id, Instance* out) {
     unit.load = x.joint->reads_load() ? x.n_book() : -1;
     const int numbers = x.n_numbers();
     joints->push_back(std::move(x.joint));
-    for (const std::string& name : x.names) {
-      const std::string unknown = read_unit(m, name, &unit);
-      if (wrong.empty()) wrong = unknown;
+    for (const int joint : x.joints) {
+      const std::string unfit = read_unit(m, joint, &unit);
+      if (wrong.empty()) wrong = unfit;
       unit.state_start = start;
       unit.book_start = start + unit.n_state;
       start += numbers;

@@ -17,8 +17,8 @@
 // The symbols of libmujoco in use, the version first. Only the last is a variable. libmujoco is not linked: Python hands
 // over the addresses of its functions, after a look at its version.
 #define GMS_SYMBOLS(X)                                                                                   \
-  X(mj_version) X(mju_error) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig) X(mj_name2id) \
-  X(mj_rne) X(mj_fwdActuation) X(mj_applyFT) X(mjcb_control)
+  X(mj_version) X(mju_error) X(mju_warning) X(mjp_defaultPlugin) X(mjp_registerPlugin) X(mj_getPluginConfig)  \
+  X(mj_name2id) X(mj_rne) X(mj_fwdActuation) X(mj_applyFT) X(mjcb_control)
 
 namespace gms {
 
@@ -87,7 +87,7 @@ constexpr int kFew = 32;  // implicit joints that are solved for on the stack, w
 
 // Joints of an instance that have the same friction.
 struct Served {
-  std::vector<std::string> names;
+  std::vector<int> joints;
   int integration = kAuto;
   std::unique_ptr<Joint> joint = std::make_unique<Joint>();
 
@@ -123,8 +123,13 @@ Config config(const mjModel* m, int id);
 
 std::string instance_name(const mjModel* m, int id);
 
-// The joints that an instance serves, and their friction. Returns what is wrong, or nothing.
-std::string read_served(const mjModel* m, int id, std::vector<Served>* out);
+// The names of the joints, for the end of a message.
+std::string the_joints(const mjModel* m);
+
+// The joints that an instance serves, and their friction. Joints that the model does not have are left out, so long as it
+// has one of them, and named in `absent` (may be null): a part of a model takes the whole instance along. Returns what is
+// wrong, or nothing.
+std::string read_served(const mjModel* m, int id, std::vector<Served>* out, std::string* absent = nullptr);
 
 // Reads an instance from its config. Returns what is wrong, or nothing.
 std::string read_instance(const mjModel* m, int id, Instance* out);

@@ -61,9 +61,16 @@ int nstate(const mjModel* m, int id) {
   int n = 0;
   {
     std::vector<gms::Served> all;
-    const std::string wrong = gms::read_served(m, id, &all);
+    std::string absent;
+    const std::string wrong = gms::read_served(m, id, &all, &absent);
     if (!wrong.empty()) report(m, id, wrong, message);
-    for (const gms::Served& x : all) n += x.n_numbers() * static_cast<int>(x.names.size());
+    for (const gms::Served& x : all) n += x.n_numbers() * static_cast<int>(x.joints.size());
+    if (!absent.empty()) {
+      char told[kMessage];
+      const std::string why = "no joint of the model is called so (deleted, renamed or left behind?); ";
+      report(m, id, "friction of " + absent + " is left out: " + why + gms::the_joints(m), told);
+      engine.mju_warning("%s", told);
+    }
   }
   if (message[0]) engine.mju_error("%s", message);
   return n;
