@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import ctypes
 import fnmatch
-import itertools
 import os
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,20 +73,28 @@ def attach(
     integration: str = "auto",
     sensors: Collection[str] = (),
 ) -> mujoco.MjSpec:
-    """Puts friction on joints of a MuJoCo model. Inertia and armature of the model stay as they are.
+    """Puts friction on joints of a MuJoCo model.
+
+    Inertia and armature of the model stay as they are, but that the load of a `flexible_coupling` or a `backlash` is
+    taken off the armature of its joint. Nor is the inertia of a plant put there: a servo (`position_loop`) on a joint
+    without armature is unstable at usual time steps, of which a warning tells.
 
     Friction follows where a joint goes: setting `qpos` or `time` is motion too, but for the first after
-    `mj_resetData`.
+    `mj_resetData`. Until a joint has moved since then some numbers of its `plugin_state` are infinite or NaN: they say
+    that nothing is known yet.
 
     Args:
         model: an MjSpec, which is changed as a whole or not at all; or the path or the text of an MJCF file.
         plants: plant by joint name; a name may be a pattern such as "*_knee".
         integration: "explicit", "implicit" (backward Euler: stable and bounded at any time step), or "auto": implicit
             for the joints whose friction is so stiff for the time step that an explicit one may be unstable, with
-            h^2 k + h sigma above twice the inertia. Below that explicit is cheaper and more accurate. The inertia is
-            that of the model as it stands: ask for "implicit" where it falls to less in another pose.
+            h^2 k + h sigma above twice the inertia. Below that explicit is cheaper, and more accurate where friction
+            builds up over several steps. Where it does in a small part of one, as the bristle of a `lugre` that is
+            damped and moves fast, an explicit step, like that of MuJoCo's own dcmotor, has its damping as a jolt: a
+            joint that sets out at speed may come to rest 30 % early, 5 % with "implicit". The inertia is that of the
+            model as it stands: ask for "implicit" where it falls to less in another pose, too.
         sensors: MuJoCo sensors for each of the joints, out of "torque" [N m], "power" [W] and "states": what
-            `friction` gives, in `sensordata`. Sensor "JOINT_friction_torque" is the torque of JOINT.
+            `friction` gives after `mj_forward`, in `sensordata`. Sensor "JOINT_friction_torque" is the torque of JOINT.
 
     Returns:
         The MjSpec. `spec.compile()` makes the model, `spec.to_xml()` an MJCF that loads after
@@ -95,13 +102,16 @@ def attach(
 
     Raises:
         ModelError: no such joint, a ball or free joint, a joint that has friction already, a plant of another
-            kind, with parameters that have no value or a load heavier than its axis, a sensor of another name.
+            kind, with parameters that have no value, too many elements or a load heavier than its axis, a sensor of
+            another name, twice or of a name that is taken.
     """
     spec = spec_of(model)
     if integration not in native.INTEGRATION:
         raise ModelError(f"integration must be one of {listing(native.INTEGRATION)}; {integration!r} given")
     if isinstance(sensors, str) or not all(reads in READINGS for reads in sensors):
         raise ModelError(f"sensors is a list out of {listing(READINGS)}; {sensors!r} given")
+    if len(set(sensors)) < len(sensors):
+        raise ModelError(f"a joint has each sensor once; {sensors!r} given")
     if not isinstance(plants, Mapping):
         given = type(plants).__name__
         raise ModelError(f'plants by the names of joints are expected, as {{"elbow": plant}}; {given} given')
@@ -190,7 +200,7 @@ def _check(spec: mujoco.MjSpec, joint: Any, plant: Plant) -> None:
     unset = [f"{e.name}.{p}" for e in plant.effects for p in e.unset]
     if unset:
         raise ModelError(f"these parameters have no value yet: {listing(unset)}; give them, or fit first")
-    plant.light_loads()
+    plant.light_loads().joint()  # which has room for so many elements
     for p in spec.plugins:
         if p.plugin_name == PLUGIN and any(joint.name in names for names in _joints_of(p)):
             raise ModelError(f"joint {joint.name!r} has friction already, in plug-in instance {p.name!r}")
@@ -260,7 +270,7 @@ def _add_instance(spec: mujoco.MjSpec, parts: list[tuple[list[Any], dict[str, st
         values = [part.get(key, "") for _, part in parts]
         config[key] = values[0] if len(set(values)) == 1 else "; ".join(values)
     if len(joints) > 1:
-        name += "_and_others"
+        name = _free_name(f"{name}_and_others", [*spec.plugins, *spec.joints])
         config |= {"joint": "; ".join(" ".join(j.name for j in some) for some, _ in parts), "name": name}
     spec.activate_plugin(PLUGIN)
     instance = spec.add_plugin(name=name, plugin_name=PLUGIN, active=True)
@@ -272,14 +282,14 @@ def _add_instance(spec: mujoco.MjSpec, parts: list[tuple[list[Any], dict[str, st
         if body.plugin.active:
             if k:
                 continue
-            names = {b.name for b in spec.bodies}
-            body = body.add_body(name=next(n for n in _free_names(f"{joint.name}_friction") if n not in names))
+            body = body.add_body(name=_free_name(f"{joint.name}_friction", spec.bodies))
         body.plugin = instance
 
 
-def _free_names(name: str) -> Iterator[str]:
-    yield name
-    yield from (f"{name}_{i}" for i in itertools.count(2))
+def _free_name(name: str, others: Iterable[Any]) -> str:
+    """The name, with a number where one of the others has it."""
+    taken = {other.name for other in others}
+    return next(n for n in (name, *(f"{name}_{i}" for i in range(2, len(taken) + 3))) if n not in taken)
 
 
 def _shape(config: dict[str, str]) -> list[tuple[str, int]]:
@@ -327,9 +337,12 @@ def _add_sensors(spec: mujoco.MjSpec, reads: str, plants: Mapping[str, Plant]) -
         if not size:
             continue
         spec.activate_plugin(SENSOR)
-        instance = spec.add_plugin(name=f"{names[0]}_friction_{reads}", plugin_name=SENSOR, active=True)
+        name = _free_name(f"{names[0]}_friction_{reads}", [*spec.plugins, *spec.joints])
+        instance = spec.add_plugin(name=name, plugin_name=SENSOR, active=True)
         instance.config = {"reads": reads} | ({"size": str(size)} if reads == "states" else {})
         for name in names:
+            if spec.sensor(f"{name}_friction_{reads}") is not None:
+                raise ModelError(f"a sensor is called {f'{name}_friction_{reads}'!r} already; rename it")
             sensor = spec.add_sensor(
                 name=f"{name}_friction_{reads}", type=mujoco.mjtSensor.mjSENS_PLUGIN,
                 objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name,
@@ -401,13 +414,15 @@ def _after(control: Callable[[mujoco.MjModel, mujoco.MjData], object]) -> Any:
 
 @dataclass(frozen=True)
 class Friction:
-    """What the effects of a joint do now.
+    """What the effects of a joint do, after `mj_forward` at the instant of the data, after `mj_step` over that step.
 
     Attributes:
         torque: on the joint [N m].
-        power: torque times velocity [W]; negative where friction eats it.
+        power: torque times the velocity in the data [W]; negative where friction eats it. After `mj_step` that is the
+            velocity at the end of the step, with which Euler's step moves: power times the time step is the work.
         states: (n_state,) inner state of each effect that has one. For gms, force and slip direction of each
-            element in turn [N m, -1, 0 or 1]. As they were where the step begins; the torque is over the step.
+            element in turn [N m, -1, 0 or 1]. After `mj_step` as they are at its end; after `mj_forward` as they are
+            where the step to come begins, while the torque is that over it.
     """
 
     torque: float
@@ -429,7 +444,8 @@ def friction(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> Friction
     """Torque and element states of a joint, as of the last `mj_forward` or `mj_step`.
 
     Takes some microseconds, for a look now and then. `attach(..., sensors=["torque"])` puts the same into `sensordata`
-    in every step.
+    in every step, as all of MuJoCo's sensors with velocity and states of where the step begins: after `mj_step` power
+    and states differ from those here by that step.
 
     Raises:
         ModelError: no such joint, or it has no friction of ours.

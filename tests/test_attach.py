@@ -114,6 +114,23 @@ def test_sensors_give_what_friction_gives(integration):
     assert slipped
 
 
+def test_after_a_step_friction_is_that_of_its_end_and_sensors_that_of_its_beginning():
+    """So power times the time step is the work of the step, and what the sensors had is gone."""
+    model = engine.attach(AXIS, {"shaft": BEARING}, sensors=engine.READINGS).compile()
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1e-2
+    for _ in range(5):
+        before, q = engine.friction(model, data, "shaft"), data.qpos[0]
+        speed = data.qvel[0]
+        mujoco.mj_step(model, data)
+        reading = engine.friction(model, data, "shaft")
+        assert reading.power * model.opt.timestep == pytest.approx(reading.torque * (data.qpos[0] - q), rel=1e-9)
+        assert data.sensor("shaft_friction_torque").data == reading.torque
+        assert data.sensor("shaft_friction_power").data == reading.torque * speed
+        assert np.array_equal(data.sensor("shaft_friction_states").data, before.states["gms"])
+        assert not np.array_equal(reading.forces, before.forces)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -138,7 +155,35 @@ def test_attach_knows_its_sensors():
     for given in ["heat"], "torque":
         with pytest.raises(ModelError, match="sensors is a list out of power, states, torque"):
             engine.attach(AXIS, {"shaft": BEARING}, sensors=given)
+    with pytest.raises(ModelError, match="a joint has each sensor once"):
+        engine.attach(AXIS, {"shaft": BEARING}, sensors=["power", "power"])
+    spec = mujoco.MjSpec.from_string(AXIS)
+    spec.add_sensor(name="shaft_friction_power", type=mujoco.mjtSensor.mjSENS_JOINTPOS, objname="shaft",
+                    objtype=mujoco.mjtObj.mjOBJ_JOINT)  # fmt: skip
+    with pytest.raises(ModelError, match="a sensor is called 'shaft_friction_power' already"):
+        engine.attach(spec, {"shaft": BEARING}, sensors=["torque", "power"])
+    assert engine.attach(spec, {"shaft": BEARING}, sensors=["torque"]).compile().nsensor == 2
 
+
+@pytest.mark.parametrize("order", [("shoulder_and_others", "*"), ("*", "shoulder_and_others")])
+def test_names_that_attach_gives_are_free(order):
+    """Also those of joints, which their friction alone is called after."""
+    hand = '<body><joint name="shoulder_and_others" axis="0 0 1"/><geom size=".1"/></body></worldbody>'
+    spec = mujoco.MjSpec.from_string(two_joint_arm().replace("</worldbody>", hand))
+    for pattern in order:
+        names = ("shoulder", "elbow") if pattern == "*" else (pattern,)
+        engine.attach(spec, dict.fromkeys(names, BEARING), sensors=["torque"])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1
+    mujoco.mj_forward(model, data)
+    assert np.allclose(data.sensordata, -2e-5) and len(data.sensordata) == 3
+
+
+def test_more_elements_than_a_joint_holds_are_refused_at_once():
+    many = effects.GMS(300, stiffness=np.ones(300), coulomb=1, static=1, stribeck_velocity=1, attraction=1)
+    with pytest.raises(ModelError, match="gms with 300 elements needs more state than the 512 numbers of a joint"):
+        engine.attach(AXIS, {"shaft": Plant.axis() + many})
 
 MIXED = """<mujoco><worldbody>
 <body><freejoint name="free"/><geom size="0.1"/><body><joint name="ball" type="ball"/><geom size="0.1"/>
@@ -291,6 +336,7 @@ def test_delay_becomes_the_delay_of_the_actuator():
         ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="1 2"', "must be one number"),
         ('gms.static" value="0.0054"', 'gms.static" value="0.001"', "at least coulomb"),
         ('gms.stiffness" value="0.8 ', 'gms.stiffness" value="', "has 4 values, others 3"),
+        ('key="effects" value="gms viscous"', 'key="effects" value="gms viscous gms"', "'effects' lists gms twice"),
         ('key="effects" value="gms viscous"', 'key="effects" value="magic"', "no native effect is called 'magic'"),
         ('key="effects" value="gms viscous"', 'key="effects" value="gms"', "does not list viscous"),
         ('key="effects" value="gms viscous"', 'key="effects" value=""', "at least one effect|does not list"),

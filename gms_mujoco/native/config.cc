@@ -71,12 +71,15 @@ std::string read_effects(const Config& config, Joint* joint) {
   while (names >> name) {
     const Effect* effect = find_effect(name);
     if (!effect) return "no native effect is called '" + name + "'";
+    for (const Joint::Use& use : joint->uses()) {
+      if (use.effect == effect) return "'effects' lists " + name + " twice";
+    }
     std::vector<double> packed;
     int n;
     const std::string wrong = read_effect(config, *effect, &packed, &n);
     if (!wrong.empty()) return wrong;
     if (joint->n_state() + (effect->n_state ? effect->n_state(n) : 0) > Joint::kMaxState) {
-      return name + " has too many elements";
+      return name + " has more state than the " + std::to_string(Joint::kMaxState) + " numbers of a joint";
     }
     joint->add(effect, n, packed.data());
   }

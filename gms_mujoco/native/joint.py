@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, ModelError, listing
+from ..errors import ModelError, listing
 from ..threads import at_hand
 from .shared_library import BY_NAME, address, library
 
@@ -68,8 +68,8 @@ class Joint:
         self.kinds = [BY_NAME[name].kind for name, _, _ in effects]
         for name, n, packed in effects:
             p = np.ascontiguousarray(packed, float)
-            if library.gms_joint_add(self.handle, BY_NAME[name].index, n, address(p)):
-                raise EngineError(f"{name} with {n} elements needs more state than a joint holds")
+            if most := library.gms_joint_add(self.handle, BY_NAME[name].index, n, address(p)):
+                raise ModelError(f"{name} with {n} elements needs more state than the {most} numbers of a joint")
         self.n_state: int = library.gms_joint_n_state(self.handle)
         self.n_memory: int = library.gms_joint_n_memory(self.handle)
 

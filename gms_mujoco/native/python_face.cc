@@ -18,10 +18,10 @@ GMS_API Joint* gms_joint_new() { return new Joint; }
 
 GMS_API void gms_joint_delete(Joint* joint) { delete joint; }
 
-// Adds effect number `effect` of the catalogue; returns 0, or -1 where the state would grow too large.
+// Adds effect number `effect` of the catalogue; returns 0, or the most that the state may be where it would be larger.
 GMS_API int gms_joint_add(Joint* joint, int effect, int n, const double* p) {
   const gms::Effect* e = gms::kCatalogue[effect];
-  if (joint->n_state() + (e->n_state ? e->n_state(n) : 0) > Joint::kMaxState) return -1;
+  if (joint->n_state() + (e->n_state ? e->n_state(n) : 0) > Joint::kMaxState) return Joint::kMaxState;
   joint->add(e, n, p);
   return 0;
 }
