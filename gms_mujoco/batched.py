@@ -89,7 +89,7 @@ class Layout:
             # See kTorque in native/instance.h. Time and position are those of the data, which are rounded.
             anchor = found.torque - native.ANCHOR - (row[5] - OWN_STATE)
             ahead, velocity = data.plugin_state[found.torque + 1 : found.torque + 3]
-            virgin = np.isinf(velocity)
+            virgin = velocity >= np.finfo(float).max
             load = 0.0 if found.load is None else data.plugin_state[found.load]
             if not np.isnan(data.plugin_state[anchor]):
                 position, time = data.plugin_state[anchor : anchor + native.ANCHOR]
@@ -211,10 +211,10 @@ def _validate(layout: Layout, table: NDArray[np.float64], joint: str, effect: st
     own = {p.name: table[:, layout.column(joint, f"{effect}.{p.name}")] for p in declared}
     for p in declared:
         values = own[p.name]
-        bad = ~((values >= p.lower) & (values <= p.upper))
+        bad = ~((values >= p.lower) & (values <= p.upper) & np.isfinite(values))
         if bad.any():
             wrong = values[bad][0]
-            raise ModelError(f"{effect}.{p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; {wrong:g} given")
+            raise ModelError(f"{effect}.{p.name} must lie in {p.span} {p.unit}; {wrong:g} given")
         if p.at_least and (values < own[p.at_least]).any():
             raise ModelError(f"{effect}.{p.name} must be at least {p.at_least} in every world")
         if p.share and (np.abs(values.sum(axis=1) - 1) > 1e-6).any():

@@ -248,7 +248,7 @@ def _checked(effect: str, p: Parameter, value: float | NDArray[np.float64] | Non
     bad = (array < p.lower) | (array > p.upper) | np.isinf(array)
     if bad.any():
         wrong = float(np.atleast_1d(array)[np.atleast_1d(bad)][0])
-        raise ModelError(f"{effect}.{p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; {wrong:g} given")
+        raise ModelError(f"{effect}.{p.name} must lie in {p.span} {p.unit}; {wrong:g} given")
     if p.share and abs(array.sum() - 1) > 1e-6:
         raise ModelError(f"{effect}.{p.name} must sum to 1; the {n} values given sum to {array.sum():.6g}")
     return tuple(float(x) for x in np.atleast_1d(array)) if p.per_element else float(array)

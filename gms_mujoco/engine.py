@@ -80,8 +80,8 @@ def attach(
     without armature is unstable at usual time steps, of which a warning tells.
 
     Friction follows where a joint goes: setting `qpos` or `time` is motion too, but for the first after
-    `mj_resetData`. Until a joint has moved since then some numbers of its `plugin_state` are infinite or NaN: they say
-    that nothing is known yet.
+    `mj_resetData`. From then to the first step two numbers of each joint in `plugin_state` are NaN: where it was last,
+    which is not known yet.
 
     Args:
         model: an MjSpec, which is changed as a whole or not at all; or the path or the text of an MJCF file.

@@ -1,5 +1,6 @@
 """Parameter: what one number of an effect means."""
 
+import math
 from dataclasses import dataclass
 
 KELVIN = "K"  # unit of a rise of temperature
@@ -34,6 +35,12 @@ class Parameter:
     share: bool = False
     at_least: str = ""
     doc: str = ""
+
+    @property
+    def span(self) -> str:
+        """The bounds as people write them: infinity is none of the values."""
+        low = f"[{self.lower:g}" if math.isfinite(self.lower) else "(-inf"
+        return f"{low}, {self.upper:g}]" if math.isfinite(self.upper) else f"{low}, inf)"
 
     @property
     def is_scale(self) -> bool:

@@ -332,7 +332,7 @@ def test_delay_becomes_the_delay_of_the_actuator():
         ('joint name="shaft"', 'joint name="other"', "no joint is called 'shaft'; the joints are other"),
         ('gms.fraction" value="0.1 ', 'gms.fraction" value="0.3 ', "gms.fraction must sum to 1"),
         ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="abc"', "must be a list of numbers; 'abc' given"),
-        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="-1"', r"must lie in \[0, inf\] N m; -1 given"),
+        ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="-1"', r"must lie in \[0, inf\) N m; -1 given"),
         ('gms.coulomb" value="0.0045"', 'gms.coulomb" value="1 2"', "must be one number"),
         ('gms.static" value="0.0054"', 'gms.static" value="0.001"', "at least coulomb"),
         ('gms.stiffness" value="0.8 ', 'gms.stiffness" value="', "has 4 values, others 3"),

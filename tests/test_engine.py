@@ -80,6 +80,17 @@ def test_of_a_step_no_more_is_noted_than_is_read():
 
 
 @INTEGRATIONS
+@pytest.mark.parametrize("plant", [BEARING, DRY])
+def test_from_the_first_step_on_every_number_of_a_state_is_finite(integration, plant):
+    model, data = axis(plant, integration)
+    for _ in range(3):
+        mujoco.mj_step(model, data)
+        state = np.empty(mujoco.mj_stateSize(model, FULL))
+        mujoco.mj_getState(model, data, state, FULL)
+        assert np.isfinite(state).all()
+
+
+@INTEGRATIONS
 def test_save_reload_copy_reset_and_set_state_reproduce_a_trajectory(integration, tmp_path):
     command = stick_slip(2000)
     model, data = axis(integration=integration)

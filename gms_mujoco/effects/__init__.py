@@ -64,13 +64,12 @@ def of_module(module: ModuleType, file: str, name: str) -> type[Effect]:
         raise ModelError(f"{file}: the kind of an effect is one of {listing(KINDS)}; {kind.kind!r} given")
     names = [p.name for p in kind.parameters]
     for p in kind.parameters:
-        span = f"[{p.lower:g}, {p.upper:g}]"
         if names.count(p.name) > 1 or hasattr(Effect, p.name) or p.name in Effect.__annotations__:
             raise ModelError(f"{file}: {p.name!r} is no name of a parameter, for something else is called so already")
         if not p.lower < p.upper:
-            raise ModelError(f"{file}: {p.name} must have lower below upper; {span} given")
+            raise ModelError(f"{file}: {p.name} must have lower below upper; {p.span} given")
         if not (math.isnan(p.default) or p.lower <= p.default <= p.upper):
-            raise ModelError(f"{file}: the default of {p.name} must lie in {span}; {p.default:g} given")
+            raise ModelError(f"{file}: the default of {p.name} must lie in {p.span}; {p.default:g} given")
     return kind
 
 
@@ -82,7 +81,7 @@ def described(kind: type[Effect]) -> str:
 def _told(p: Parameter) -> str:
     unset = "to be given or fitted" if math.isnan(p.default) else f"default {p.default:g}"
     several, default = ", one per element" * p.per_element, "equal shares" if p.share else unset
-    return f"{p.doc} [{p.unit}]{several}; {default}; in [{p.lower:g}, {p.upper:g}]"
+    return f"{p.doc} [{p.unit}]{several}; {default}; in {p.span}"
 
 
 CATALOGUE = catalogue()

@@ -47,7 +47,8 @@ std::string read_effect(const Config& config, const Effect& effect, std::vector<
       if (std::isnan(x)) return key + " has no value";
       if (x < p.lower || x > p.upper) {
         std::ostringstream text;
-        text << key << " must lie in [" << p.lower << ", " << p.upper << "] " << p.unit << "; " << x << " given";
+        text << key << " must lie in " << (std::isinf(p.lower) ? "(" : "[") << p.lower << ", " << p.upper
+             << (std::isinf(p.upper) ? ") " : "] ") << p.unit << "; " << x << " given";
         return text.str();
       }
       sum += x;

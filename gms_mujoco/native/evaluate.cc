@@ -63,8 +63,8 @@ double torque_of_acceleration(const mjModel* m, const mjData* d, const Unit& x, 
 GMS_SELDOM double look(const mjModel* m, mjData* d, const Unit& x) {
   double *state = x.state(d), *book = x.book(d);
   // Setting a position after a reset, or turning time back, is no motion.
-  if (d->time < state[1]) book[kAheadVelocity] = kInfinity;
-  if (book[kAheadVelocity] == kInfinity && !(d->time > state[1])) set_out(x, d);
+  if (d->time < state[1]) book[kAheadVelocity] = kLargest;
+  if (book[kAheadVelocity] >= kLargest && !(d->time > state[1])) set_out(x, d);
   if (!x.late()) return x.joint->torque(x.now(d), state, nullptr);
   if (d->time > state[1]) return book[kTorque];  // a stage of RK4 keeps the torque of the first
   return torque_of_acceleration(m, d, x, state, book[kTorque]);
@@ -207,7 +207,7 @@ GMS_APART void solve_implicit(const mjModel* m, mjData* d, Group* g, int count, 
     u.now = x.now(d);
     u.state = x.state(d);
     u.torque = book[kAhead];
-    u.slope = book[kSlope];
+    u.slope = book[kSlope] >= kLargest ? kInfinity : book[kSlope];
   }
   const Inertia inertia{{static_cast<int>(m->nv), m->M_rownnz, m->M_rowadr, m->M_colind}, d->M, d->qLD, d->qLDiagInv};
   g->implicit.units = units;
@@ -237,7 +237,7 @@ void evaluate_late(const mjModel* m, mjData* d, Group* g, const double* bias, co
       late->assumed = book[kConstraint];
       late->own = late->base - bias[x.dof] + d->qfrc_applied[x.dof] + actuator[x.dof] + late->assumed;
       burdened |= book[kBurden] > 0;
-      all_loose &= x.stiffness <= kLoose && book[kFromOthers] != kInfinity;
+      all_loose &= x.stiffness <= kLoose && book[kFromOthers] < kLargest;
       g->active[n++] = {&x, late};
     }
   }
@@ -352,7 +352,7 @@ inline Motion arrive(const mjModel* m, const mjData* d, const Unit& x, const Lat
     note_constraint(book, constraint, d->qacc[x.dof]);
     book[kPastAcceleration] = d->qacc[x.dof];
     book[kFromOthers] = d->qacc[x.dof] - x.weight * (late.own - late.assumed + constraint);
-    book[kSlope] = late.slope;
+    book[kSlope] = std::min(late.slope, kLargest);
   }
   return Joint::since(x.now(d), state);
 }

@@ -6,6 +6,7 @@
 #include <mujoco/mujoco.h>
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,9 +33,9 @@ extern Engine engine;
 extern int plugin_slot;  // of the friction plug-in, in MuJoCo's table
 
 // After the joint's own state, in plugin_state: the torque on the joint now; where the next evaluation starts from: the
-// torque that the last advance found, and the velocity it found it at (infinite: the joint has not moved since the reset).
+// torque that the last advance found, and the velocity it found it at (kLargest: it has not moved since the reset).
 // Unless an explicit step is asked for, the acceleration that had led there and what was left of it without the joint's
-// own torque (infinite: not known), the slope of the law in the last implicit step (below 0: not known), the torque of
+// own torque (kLargest: not known), the slope of the law in the last implicit step (below 0: not known), the torque of
 // contacts, limits and equalities in that step, the inertia that they are like, and how much that is founded on. Last,
 // where friction depends on it, the load: what the gear transmitted to the link in the last step. A batch copies all of it
 // in every step, so that nothing stands here that may stand elsewhere.
@@ -42,6 +43,9 @@ enum {
   kTorque = 0, kAhead, kAheadVelocity, kExplicit,
   kPastAcceleration = kExplicit, kFromOthers, kSlope, kConstraint, kBurden, kFounded, kImplicit
 };
+
+// What stands for infinity there, so that every number of a state is finite once a step has been made.
+constexpr double kLargest = std::numeric_limits<double>::max();
 
 // How a joint is integrated.
 enum { kAuto = 0, kForcedExplicit, kForcedImplicit };

@@ -137,10 +137,10 @@ void reset(const mjModel* m, mjtNum* state, void* data, int id) {
     const int begin = m->plugin_stateadr[id];
     double *own = state + x.state_start - begin, *book = state + x.book_start - begin;
     own[0] = own[1] = std::nan("");
-    book[gms::kAheadVelocity] = gms::kInfinity;
+    book[gms::kAheadVelocity] = gms::kLargest;
     if (x.integration == gms::kForcedExplicit) continue;
     book[gms::kSlope] = -1;
-    book[gms::kFromOthers] = gms::kInfinity;
+    book[gms::kFromOthers] = gms::kLargest;
   }
   for (gms::Late& late : instance.late) late.slope = -1;
 }
