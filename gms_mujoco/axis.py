@@ -17,16 +17,9 @@ import numpy as np
 from . import engine
 from .errors import ModelError, listing
 from .files import MODELS
-from .plant import Plant
+from .plant import Plant, plant_of
 
 DRIVE = "gms_mujoco_drive"  # the motor
-
-
-def plant_of(plant: Plant | str | os.PathLike[str]) -> Plant:
-    """A plant as it is, from a `model.toml`, or the one of models/ with that name ("servo_axis")."""
-    if not isinstance(plant, Plant | str | os.PathLike):
-        raise ModelError(f"a Plant, the path of a model.toml or a name out of models/ is expected; {plant!r} given")
-    return plant if isinstance(plant, Plant) else Plant.load(os.fspath(plant))
 
 
 class Mechanism:

@@ -28,7 +28,8 @@ from .frf import FRF, estimate_frf
 from .plant import Plant
 from .record import Record
 from .responses.distortion import Distortion, find_distortion
-from .simulate import expect_bench, generator, simulate
+from .sampling import generator
+from .simulate import expect_bench, simulate
 
 Array = NDArray[np.float64]
 Controller = Callable[[Array], float]  # an observation of ServoTracking to a torque, as in `gms_mujoco.control`

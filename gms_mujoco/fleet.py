@@ -182,13 +182,15 @@ def find_sets(datasets: Iterable[str | Path] | str | Path) -> list[Path]:
     """Folders of measurement sets, each once: those given, or all below those given.
 
     Raises:
-        DataError: a folder has no set in it.
+        DataError: there is no such folder, or no set in it.
     """
     given = [datasets] if isinstance(datasets, str | Path) else list(datasets)
     found: dict[Path, None] = {}
     for path in map(Path, given):
         path = path.parent if path.name == FILE else path
         below = [path] if (path / FILE).exists() else sorted(p.parent for p in path.rglob(FILE))
+        if not path.exists():
+            raise DataError(f"{path}: no such folder")
         if not below:
             raise DataError(f"{path}: no {FILE} in this folder or below it")
         found |= dict.fromkeys(p.resolve() for p in below)

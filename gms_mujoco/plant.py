@@ -397,6 +397,13 @@ def _interval_text(value: float, interval: tuple[float, float] | None, digits: i
     return f"[{low:.{digits}g}, {high:.{digits}g}]"
 
 
+def plant_of(plant: Plant | str | os.PathLike[str]) -> Plant:
+    """A plant as it is, from a `model.toml`, or the one of models/ with that name ("servo_axis")."""
+    if not isinstance(plant, Plant | str | os.PathLike):
+        raise ModelError(f"a Plant, the path of a model.toml or a name out of models/ is expected; {plant!r} given")
+    return plant if isinstance(plant, Plant) else Plant.load(os.fspath(plant))
+
+
 def slide_unit(unit: str) -> str:
     """The unit that a slide joint reads for a hinge joint's."""
     unit = unit.replace("(N m)", "N").replace("N m", "N").replace("rad", "m")

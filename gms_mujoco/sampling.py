@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from numbers import Integral
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from .effect import KINDS
-from .errors import ModelError, listing
+from .errors import DataError, ModelError, is_number, listing
 from .identification.coordinates import Coordinates
-from .plant import Plant
+from .plant import Plant, plant_of
 
 Array = NDArray[np.float64]
 
@@ -22,7 +24,7 @@ _VAGUE = 10.0  # times the value: where there is no natural zero an interval tha
 
 
 def sample(
-    plant: Plant,
+    plant: Plant | str | os.PathLike[str],
     n: int,
     rng: np.random.Generator | int | None = None,
     *,
@@ -39,7 +41,7 @@ def sample(
     either way is drawn within that factor of its value.
 
     Args:
-        plant: as a fit leaves it; every parameter set.
+        plant: as a fit leaves it, every parameter set; or its file, or a name out of models/.
         n: how many.
         rng: a generator, or a seed.
         kinds: of the effects that are drawn, see `Effect.kind`; the inertia is drawn with "mechanics".
@@ -50,13 +52,16 @@ def sample(
         n plants with the effects and elements of `plant`; they have no intervals of their own.
 
     Raises:
-        ModelError: nothing of these kinds has an interval, or a parameter has no value.
+        ModelError: nothing of these kinds has an interval, a parameter has no value, or an argument cannot be.
+        DataError: `rng` is neither a generator nor a seed.
     """
-    for kind in kinds:
-        if kind not in KINDS:
-            raise ModelError(f"kinds of effects are {listing(KINDS)}; {kind!r} given")
-    plant.complete()
-    rng = np.random.default_rng(rng)
+    wrong = [kinds] if isinstance(kinds, str) else [kind for kind in kinds if kind not in KINDS]
+    if wrong:
+        raise ModelError(f"kinds is a list out of {listing(KINDS)}; {wrong[0]!r} given")
+    if not is_number(n, Integral) or n < 0:
+        raise ModelError(f"n must be a whole number from 0 on; {n!r} given")
+    plant = plant_of(plant).complete()
+    rng = generator(rng)
     among = {e.name for e in plant.effects if e.kind in kinds} | ({"inertia"} if "mechanics" in kinds else set())
     together = _together(plant, among)
     done = {label for b in together.blocks for label in b.labels}
@@ -79,6 +84,14 @@ def sample(
         told = {**plant.provenance, "sampled": f"drawn {'beyond' if outside else 'within'} the uncertainty of the fit"}
         out.append(replace(drawn, inertia_known=plant.inertia_known, uncertainty={}, covariance={}, provenance=told))
     return out
+
+
+def generator(seed: np.random.Generator | int | None) -> np.random.Generator:
+    """Random numbers from a seed, or those given; raises DataError where it is neither."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise DataError(f"seed must be a whole number from 0 on, or None; {seed!r} given") from None
 
 
 def _cut(z: Array, outside: bool) -> Array:

@@ -18,9 +18,9 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from . import engine, native
-from .axis import Mechanism, plant_of
+from .axis import Mechanism
 from .errors import ModelError, is_number, listing
-from .plant import Plant
+from .plant import Plant, plant_of
 from .tasks import TASKS, Episode, at_rest, check_tasks, draw, needed, scale_of
 
 Array = NDArray[np.float64]
@@ -82,6 +82,8 @@ class Axes:
         for name, count in {"substeps": substeps, "episode_steps": episode_steps, "n": n}.items():
             if not is_number(count, Integral) or count < 1:
                 raise ModelError(f"{name} must be a whole number from 1 on; {count!r} given")
+        if not is_number(threads, Integral) or threads < 0:
+            raise ModelError(f"threads must be a whole number from 0 on; {threads!r} given")
         self.n, self.sample_time, self.substeps, self.episode_steps = n, 1 / rate, substeps, episode_steps
         self.resolution, self.spread, self.memory, self.split = float(resolution), spread, memory, split
         self.tasks = check_tasks(tasks)

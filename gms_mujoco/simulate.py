@@ -15,6 +15,7 @@ from .errors import DataError, ModelError, is_number
 from .identification.servo_observation import expect_servo, simulate_run
 from .plant import Plant
 from .record import Record
+from .sampling import generator
 from .servo_run import ServoRun
 
 Array = NDArray[np.float64]
@@ -102,7 +103,13 @@ def simulate(
     if not isinstance(sample_time, Real) or not 0 < sample_time < math.inf:
         raise DataError(f"a torque needs its sample_time, a positive number [s]; {sample_time!r} given")
     plant.light_loads()
-    command = np.asarray(torque, float)
+    for what, at in (("position", position), ("velocity", velocity)):
+        if not is_number(at) or not math.isfinite(at):
+            raise DataError(f"{what} must be a finite number; {at!r} given")
+    try:
+        command = np.asarray(torque, float)
+    except (TypeError, ValueError):
+        raise DataError(f"{name}: a torque is one number for each sample; {torque!r} given") from None
     if command.ndim != 1:
         raise DataError(f"{name}: the torque has shape {command.shape}; one number for each sample is expected")
     for what, given in (("torque", command), ("load", load), ("temperature", temperature)):
@@ -134,14 +141,6 @@ def simulate(
     signals = {"torque": command + torque_noise * rng.standard_normal(len(time)), "position": read}
     signals |= {k: v for k, v in {"load": load, "temperature": temperature}.items() if v is not None}
     return Record(name, time, signals, use, resolution, kind=plant.kind)
-
-
-def generator(seed: int | None) -> np.random.Generator:
-    """Random numbers from a seed; raises DataError where it is none."""
-    try:
-        return np.random.default_rng(seed)
-    except (TypeError, ValueError):
-        raise DataError(f"seed must be a whole number from 0 on, or None; {seed!r} given") from None
 
 
 def expect_bench(position_noise: float, resolution: float | None, torque_noise: float, substeps: int) -> None:

@@ -17,7 +17,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from .env import action_space, episode_option, expect_state, observation_space
-from .errors import ModelError, listing
+from .errors import ModelError, is_number, listing
 from .goals import Excitation, Goal, Tracking
 from .servo import Axes
 
@@ -51,6 +51,8 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         if not found:
             names = listing(m.name for m in _MODES)
             raise ModelError(f"autoreset_mode must be one of {names}; {autoreset_mode!r} given")
+        if not is_number(num_envs, Integral) or num_envs < 1:
+            raise ModelError(f"num_envs must be a whole number from 1 on; {num_envs!r} given")
         self.metadata = {"render_modes": [], "autoreset_mode": found[0]}
         self._at_once = found[0] is AutoresetMode.SAME_STEP
         self.num_envs = num_envs
@@ -93,6 +95,8 @@ class _ServoVector(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
 
     def _each(self, name: str, given: Any) -> list[Any]:
         """One for each axis, as Python has them."""
+        if isinstance(given, str) or not np.iterable(given):
+            raise ModelError(f"{name} is a whole number, or one for each of {self.num_envs} axes; {given!r} given")
         values = [v.item() if isinstance(v, np.generic) else v for v in given]
         if len(values) != self.num_envs:
             raise ModelError(f"one {name} for each of {self.num_envs} axes is expected, or one; {len(values)} given")

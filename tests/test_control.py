@@ -8,8 +8,7 @@ from axes import J
 
 import gms_mujoco as gms
 from gms_mujoco import control
-from gms_mujoco.axis import plant_of
-from gms_mujoco.plant import Plant
+from gms_mujoco.plant import Plant, plant_of
 
 H = 1 / 2000
 COUNT = 2 * np.pi / 1e6
@@ -39,7 +38,12 @@ def test_controllers_add():
     both = control.Feedforward(2.0) + control.CoulombFeedforward(3.0, 1e-9)
     assert both(observation(acceleration=5.0, velocity=1.0)) == 13.0
     assert control.Feedforward(2.0, 0.5)(observation(velocity=4.0)) == 2.0
-    assert (0.5 * both)(observation(acceleration=5.0, velocity=1.0)) == 6.5
+    for half in (0.5 * both, both * 0.5, sum([0.25 * both, 0.25 * both])):
+        assert half(observation(acceleration=5.0, velocity=1.0)) == 6.5
+    assert (both + (lambda seen: 1.0))(observation()) == 1.0
+    for wrong in (lambda: both + 1, lambda: 1 + both, lambda: both * None, lambda: both * both):
+        with pytest.raises(TypeError, match="unsupported operand"):
+            wrong()
 
 
 def test_pid_has_its_three_poles_at_the_bandwidth():
@@ -62,6 +66,7 @@ def test_a_number_of_a_controller_is_positive(value):
         lambda: control.ADRC(J, H, observer=value),
         lambda: control.DisturbanceObserver(J, H, bandwidth=value),
         lambda: control.GMSObserver(PLANT, value),
+        lambda: control.CoulombFeedforward(1.0, value),
         lambda: control.ILC(lambda: pid(0), H, bandwidth=value),
     ):
         with pytest.raises(gms.ModelError, match="of a controller must be a positive number"):
@@ -79,6 +84,14 @@ def test_a_follower_is_the_replay_step_by_step():
     assert ahead[:-1] == torque[1:], "looking ahead changes nothing"
     replay = PLANT.joint().replay(t, q, np.append(0, np.diff(q) / H)).torque
     np.testing.assert_allclose(torque, replay, atol=1e-9 * np.abs(replay).max())
+
+
+def test_a_follower_takes_the_name_of_a_plant():
+    assert control.GMSObserver("servo_axis", H).follower.joint.n_state == PLANT.joint().n_state
+    with pytest.raises(gms.ModelError, match="a Plant, the path of a model"):
+        control.GMSFeedforward(3, H)
+    with pytest.raises(gms.ModelError, match="needs a plant with lugre"):
+        control.LuGreObserver("servo_axis", H)
 
 
 @pytest.mark.parametrize("speed", [0.0, 5.0], ids=["time", "heat"])

@@ -610,6 +610,9 @@ def test_a_plant_may_be_a_file(tmp_path):
         ({"episode_steps": 20.5}, "episode_steps must be a whole number from 1 on"),
         ({"torque_limit": -1}, "torque_limit must be positive"),
         ({"render_mode": "ascii"}, "render_mode must be one of human, rgb_array"),
+        ({"threads": 1.5}, "threads must be a whole number from 0 on; 1.5 given"),
+        ({"threads": -3}, "threads must be a whole number from 0 on; -3 given"),
+        ({"threads": "x"}, "threads must be a whole number from 0 on; 'x' given"),
         ({"plant": 3}, "a Plant, the path of a model.toml or a name out of models/ is expected; 3 given"),
         ({"rate": True}, "rate must be positive; True given"),
         ({"substeps": True}, "substeps must be a whole number"),
@@ -659,6 +662,10 @@ def test_seeds_and_episodes_of_many_axes_are_one_or_one_for_each():
             envs.reset(seed=given)
         with pytest.raises(ModelError, match=f"one episode for each of 3 axes is expected, or one; {len(given)} given"):
             envs.reset(options={"episode": given})
+    with pytest.raises(ModelError, match=r"seed is a whole number, or one for each of 3 axes; 1.5 given"):
+        envs.reset(seed=1.5)
+    with pytest.raises(ModelError, match="num_envs must be a whole number from 1 on; 0 given"):
+        gym.make_vec(IDS[0], num_envs=0)
     with pytest.raises(ModelError, match=r"whole number in .*; 1.5 given"):
         envs.reset(options={"episode": [1, 1.5, 2]})
 

@@ -210,3 +210,5 @@ def test_names_stay_what_they_are_whatever_else_is_in_the_fleet(robots: Path, tm
     assert len(set(names)) == 4 and all("/" not in n and "left_knee" in n for n in names)
     with pytest.raises(DataError):
         fleet.find_sets(tmp_path)
+    with pytest.raises(DataError, match="nowhere: no such folder"):
+        fleet.find_sets(tmp_path / "nowhere")

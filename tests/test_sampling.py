@@ -11,7 +11,7 @@ from test_coordinates import every_effect, some_plant
 
 import gms_mujoco as gms
 from gms_mujoco import effects
-from gms_mujoco.errors import ModelError
+from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.coordinates import Coordinates
@@ -105,8 +105,9 @@ def test_only_the_kinds_asked_for_are_drawn_and_wide_intervals_stay_near_the_val
     assert len({p.inertia for p in sample(plant, 20, 0)}) == 20
     with pytest.raises(ModelError, match="of drive none has one"):
         sample(replace(plant, uncertainty={"inertia": (1.0, 3.0)}), 1, kinds=("drive",))
-    with pytest.raises(ModelError, match=r"kinds of effects are .*friction.*; 'dry' given"):
-        sample(plant, 1, kinds=("dry",))
+    for kinds, wrong in ((("dry",), "dry"), ("friction", "friction")):
+        with pytest.raises(ModelError, match=rf"kinds is a list out of .*friction.*; '{wrong}' given"):
+            sample(plant, 1, kinds=kinds)
 
 
 def test_what_stands_above_another_stays_above_it() -> None:
@@ -120,6 +121,15 @@ def test_a_covariance_that_outlives_its_effect_is_left_aside(fitted: FitResult) 
     plant = fitted.plant.without("gms") + effects.Coulomb(coulomb=4e-3)
     drawn = sample(plant, 3, 0)
     assert len({p["viscous"].coefficient for p in drawn}) == 3 and {p["coulomb"].coulomb for p in drawn} == {4e-3}
+
+
+def test_arguments_that_cannot_be_are_told_in_one_line_and_a_plant_may_be_a_name() -> None:
+    assert sample("sts3215", 2, 0) == sample(Plant.load("sts3215"), 2, 0)
+    for n in (-1, 1.5, True):
+        with pytest.raises(ModelError, match=f"n must be a whole number from 0 on; {n} given"):
+            sample("sts3215", n)
+    with pytest.raises(DataError, match="seed must be a whole number from 0 on, or None; -1 given"):
+        sample("sts3215", 1, -1)
 
 
 def test_it_is_public() -> None:

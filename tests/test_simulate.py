@@ -118,6 +118,9 @@ def test_a_multisine_has_its_lines_between_low_and_high() -> None:
     [
         ({"torque": [0.0, np.nan, 0.0]}, "torque is nan at sample 1, 0.001 s; it must be finite"),
         ({"torque": np.zeros((3, 2))}, "one number for each sample is expected"),
+        ({"torque": "x"}, "a torque is one number for each sample; 'x' given"),
+        ({"position": "x"}, "position must be a finite number; 'x' given"),
+        ({"velocity": np.nan}, "velocity must be a finite number; nan given"),
         ({"sample_time": -1e-3}, "needs its sample_time, a positive number"),
         ({"sample_time": "fast"}, "needs its sample_time, a positive number"),
         ({"substeps": 2.5}, "substeps must be a whole number from 1 on; 2.5 given"),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError
+from ..errors import ModelError, is_number
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ def expect_positive(**numbers: float) -> None:
 
 
 class Controller:
-    """A torque [N m] from an observation; `+` adds the torques of two, `0.9 * controller` commands a part of it.
+    """A torque [N m] from an observation; `+` and `sum` add torques, `0.9 * controller` commands a part of it.
 
     Attributes:
         sample_time: that it is made for [s]; None: any.
@@ -39,17 +40,24 @@ class Controller:
         """
         raise NotImplementedError
 
-    def __add__(self, other: Controller) -> Controller:
-        return _Sum(self, other)
+    def __add__(self, other: Callable[[Array], float]) -> Controller:
+        return _Sum(self, other) if callable(other) else NotImplemented
 
-    def __rmul__(self, share: float) -> Controller:
-        return _Share(float(share), self)
+    def __radd__(self, other: Any) -> Controller:
+        """Of a `sum`, which begins with 0."""
+        return self if is_number(other) and other == 0 else NotImplemented
+
+    def __mul__(self, share: float) -> Controller:
+        return _Share(float(share), self) if is_number(share) else NotImplemented
+
+    __rmul__ = __mul__
 
 
 class _Sum(Controller):
-    def __init__(self, *parts: Controller) -> None:
+    def __init__(self, *parts: Callable[[Array], float]) -> None:
         self.parts = parts
-        self.sample_time = next((p.sample_time for p in parts if p.sample_time is not None), None)
+        times = (getattr(p, "sample_time", None) for p in parts)
+        self.sample_time = next((t for t in times if t is not None), None)
 
     def __call__(self, observation: Array) -> float:
         return sum(part(observation) for part in self.parts)

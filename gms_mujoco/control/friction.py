@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 
 import numpy as np
 
 from ..errors import ModelError
-from ..plant import Plant
+from ..plant import Plant, plant_of
 from .base import ACCELERATION, AHEAD, POSITION, REFERENCE, VELOCITY, Array, Controller, expect_positive
 
 
@@ -36,6 +37,7 @@ class CoulombFeedforward(Controller):
     """
 
     def __init__(self, level: float, width: float) -> None:
+        expect_positive(width=width)
         self.level, self.width = level, width
 
     def __call__(self, observation: Array) -> float:
@@ -46,14 +48,14 @@ class Follower:
     """The friction of a plant along a motion that becomes known sample by sample.
 
     It replays the native effects, the same code that MuJoCo and the identifier run, on an axis so heavy that it moves
-    as told.
+    as told. The plant may be given by its file or by its name in models/.
     """
 
     _HEAVY = 1e30
 
-    def __init__(self, plant: Plant, sample_time: float) -> None:
+    def __init__(self, plant: Plant | str | os.PathLike[str], sample_time: float) -> None:
         expect_positive(sample_time=sample_time)
-        self.joint = plant.complete().joint()
+        self.joint = plant_of(plant).complete().joint()
         self.sample_time = sample_time
         self.state: Array | None = None
         self.position = math.nan
@@ -86,7 +88,7 @@ class Follower:
 class GMSFeedforward(Controller):
     """Torque against the friction that an identified plant has along the reference, mean over the coming sample."""
 
-    def __init__(self, plant: Plant, sample_time: float) -> None:
+    def __init__(self, plant: Plant | str | os.PathLike[str], sample_time: float) -> None:
         self.follower, self.sample_time = Follower(plant, sample_time), sample_time
 
     def __call__(self, observation: Array) -> float:
@@ -101,7 +103,7 @@ class GMSObserver(Controller):
     move by as much as the reference does.
     """
 
-    def __init__(self, plant: Plant, sample_time: float) -> None:
+    def __init__(self, plant: Plant | str | os.PathLike[str], sample_time: float) -> None:
         self.follower, self.sample_time = Follower(plant, sample_time), sample_time
 
     def __call__(self, observation: Array) -> float:
@@ -114,14 +116,15 @@ class LuGreObserver(GMSObserver):
     """The same with an identified LuGre model: one bristle state where a Maxwell-slip set has many.
 
     Args:
-        plant: with the effect `lugre`, as `fit` identifies it.
+        plant: with the effect `lugre`, as `fit` identifies it, its file, or a name out of models/.
         sample_time: [s].
 
     Raises:
         ModelError: the plant has no `lugre`.
     """
 
-    def __init__(self, plant: Plant, sample_time: float) -> None:
+    def __init__(self, plant: Plant | str | os.PathLike[str], sample_time: float) -> None:
+        plant = plant_of(plant)
         if "lugre" not in plant:
             raise ModelError(f"a LuGre observer needs a plant with lugre; {[e.name for e in plant.effects]} given")
         super().__init__(plant, sample_time)
