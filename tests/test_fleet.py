@@ -169,7 +169,7 @@ def test_bootstrap_agrees_with_the_intervals_of_the_fit(tmp_path: Path) -> None:
     [
         ({"verb": "ponder"}, "verbs for a fleet are diagnose, fit; 'ponder' given"),
         ({"datasets": []}, "at least one measurement set"),
-        ({"datasets": "nowhere"}, "nowhere: no dataset.toml in this folder or below it"),
+        ({"datasets": "nowhere"}, "nowhere: no such folder"),
         ({"jobs": 0}, "jobs must be"),
         ({"jobs": -2}, "jobs must be a number of processes, or -1 .*; -2 given"),
         ({"cluster": "tcp://127.0.0.1:1"}, "no Dask scheduler answers at 'tcp://127.0.0.1:1'"),
