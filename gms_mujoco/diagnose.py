@@ -17,7 +17,7 @@ from .diagnosis.custom import Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import with_exponents, with_many_elements, without_vanished
-from .diagnosis.given_inertia import corrected, free, is_doubtful
+from .diagnosis.given_inertia import contradicts, corrected, free, is_doubtful, is_needed
 from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_drive
 from .diagnosis.given_setup import corrected_setup
 from .diagnosis.moments import has_moments, unbent
@@ -188,28 +188,33 @@ def _searched(
     report: Progress,
 ) -> _Ended:  # fmt: skip
     search = Search(seen, select, start, without)
-    law_said, late = searched(search, free_law, part(report, 0.02, 0.85))
+    way = searched(search, free_law, part(report, 0.02, 0.85), halt=contradicts)
     inertia_said = ""
-    as_found = _with_law_of(search, start) if law_said else start
+    as_found = _with_law_of(search, start) if way.law else start
     other = Search(seen, select, free(as_found), without)
-    if is_doubtful(search, other):
-        other_law, other_late = searched(other, free_law, part(report, 0.85, 0.9), search)
+    if way.halted or is_doubtful(search, other):
+        instead = searched(other, free_law, part(report, 0.85, 0.9), search)
+        if way.halted and not (is_needed(other, start) and corrected(search, other)):
+            law = way.law
+            way = searched(search, free_law, part(report, 0.85, 0.9))
+            way = way._replace(law=way.law or law)
         if inertia_said := corrected(search, other):
-            start, search, law_said, late = free(start), other, other_law or law_said, other_late
+            start, search, way = free(start), other, instead._replace(law=instead.law or way.law)
     load_said = ""
     if grows_with_drive(search):
         carried = by_drive(seen), by_drive(select)
         other = Search(*carried, start, without)
-        other_law, other_late = searched(other, free_law, part(report, 0.9, 0.9), search)
+        instead = searched(other, free_law, part(report, 0.9, 0.9), search)
         if load_said := grown(search, other):
-            (seen, select), search, law_said, late = carried, other, other_law, other_late
+            (seen, select), search, way = carried, other, instead
+    law_said, late = way.law, way.late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
         for other in leading_further(search, others):
-            _, other_late = searched(other, False, part(report, 0.9, 0.9), search)
+            instead = searched(other, False, part(report, 0.9, 0.9), search)
             if better := much_better(search, other):
-                search, late, law_said = other, other_late, better
+                search, late, law_said = other, instead.late, better
             if search.at_floor:
                 break
     if free_law and (joined := join_laws(search)):

@@ -17,11 +17,40 @@ from .paths import best
 from .search import Search
 
 _OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
+_LEFT_OVER = 0.1  # of the squared error above the floor, that an inertia leaves which explains nearly all of it
+_CLEARLY = 0.1  # relative difference of two inertias, of which one is wrong
+_ALIKE = 0.02  # of two that are the same
 
 
 def free(plant: Plant) -> Plant:
     """The plant with an inertia to be identified, from the one that is given."""
     return replace(plant, inertia_known=False)
+
+
+def contradicts(search: Search) -> bool:
+    """Whether beside what a search has found so far an inertia that is clearly another than the given one explains
+    nearly all that is above the noise floor: effects that are found beside the given one would stand for the
+    difference. Where it is right another explains next to nothing of what any effect does.
+    """
+    last = search.steps[-1].result
+    if not last.plant.inertia_known or search.fits.simulated or search.at_floor:
+        return False
+    left, floor = left_of(last.misfit, last.vector), floor_of(last)
+    least = AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
+    undetermined = max(last.misfit.cost(last.vector) - left, 0.0)
+    misfit, x = last.misfit.onto(free(last.plant), last.vector)
+    x = nudge(misfit, x, below=_OF_USE * least + undetermined)
+    if left_of(misfit, x) > _OF_USE * least or left_of(misfit, x := refined(misfit, x)) > least:
+        return False
+    return not _is_alike(_inertia(misfit.plant(x)), _inertia(last.plant), _CLEARLY)
+
+
+def is_needed(search: Search, given: Plant) -> bool:
+    """Whether a search that has identified the inertia has come by that to where it is: beside the same effects the
+    one of a given plant leaves much more."""
+    last = search.steps[-1].result
+    misfit, x = last.misfit.onto(replace(last.plant, inertia=given.inertia, inertia_known=True), last.vector)
+    return leaves_much_less(fit_to_end(misfit, nudge(misfit, x)), last)
 
 
 def is_doubtful(search: Search, other: Search) -> bool:
@@ -87,7 +116,10 @@ def corrected(search: Search, other: Search) -> str:
     """
     before, after = search.steps[-1].result, other.steps[-1].result
     # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
-    fewer = other.at_floor and len(other.steps) < len(search.steps) and best([search, other]) == 1
+    fewer = other.at_floor and len(other.steps) < len(search.steps)
+    # On a spring too soft to move it a load takes its inertia off the axis, and does nothing else.
+    felt = before.plant.driven_inertia
+    fewer = fewer and (best([search, other]) == 1 or _is_alike(_inertia(after.plant), felt, _ALIKE))
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
     (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
@@ -98,3 +130,12 @@ def corrected(search: Search, other: Search) -> str:
         f"{given / found:.4g} times the torque{hint(given / found)}: with that the {after.score.name} is "
         f"{told(after.error)}, else {told(before.error)}{beside}"
     )
+
+
+def _inertia(plant: Plant) -> float:
+    """Of the whole axis."""
+    return plant.numbers()["inertia"][0]
+
+
+def _is_alike(inertia: float, other: float, within: float) -> bool:
+    return abs(inertia - other) <= within * other

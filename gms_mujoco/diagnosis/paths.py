@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from ..identification.refine import CLOSE_TO_FLOOR
 from ..progress import Progress, part, silent
@@ -18,9 +19,25 @@ _BEHIND = 4.0  # times the squared error of a search with no more effects: one t
 _SAME = 0.01  # relative difference of errors that a fit leaves of its own
 
 
-def searched(search: Search, free: bool, report: Progress, instead_of: Search | None = None) -> tuple[str, str]:
-    """Takes a search to its end; a sentence on the law of friction where it is another than the first, and one on what
-    was found last and taken away again.
+class Way(NamedTuple):
+    """How a search has come to where it is.
+
+    Attributes:
+        law: a sentence on the law of friction where it is another than the first; else empty.
+        late: one on what was found last and taken away again; else empty.
+        halted: whether it is not at its end.
+    """
+
+    law: str
+    late: str = ""
+    halted: bool = False
+
+
+def searched(
+    search: Search, free: bool, report: Progress, instead_of: Search | None = None,
+    halt: Callable[[Search], bool] | None = None,
+) -> Way:  # fmt: skip
+    """Takes a search to its end, or to where it is to halt.
 
     The law is chosen, where it is free, and effects are added while they earn their place; then the order is checked.
     Where the noise floor is not reached that way others are gone, see `along_rivals`.
@@ -31,37 +48,45 @@ def searched(search: Search, free: bool, report: Progress, instead_of: Search | 
         report: called with a share in 0..1 and a message.
         instead_of: one that has ended, in whose place this one has to leave much less; no other way is gone where the
             first does not.
+        halt: asked of the first plant, and after each look for an effect; True where it is not to go on.
     """
     friction = FrictionLaw(search, free)
     if not search.steps:
         search.first(part(report, 0.0, 0.22, "baseline"))
-    _to_its_end(search, friction, part(report, 0.22, 0.82))
+        if halt is not None and halt(search):
+            return Way(friction.said, halted=True)
+    if _to_its_end(search, friction, part(report, 0.22, 0.82), halt=halt):
+        return Way(friction.said, halted=True)
     leads = instead_of is None or leaves_much_less(instead_of.steps[-1].result, search.steps[-1].result)
     if leads and not search.at_floor and not search.quick:
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
     drop_shadows(search)
-    return friction.said, drop_late(search) or drop_series(search) or drop_ripple(search)
+    return Way(friction.said, drop_late(search) or drop_series(search) or drop_ripple(search))
 
 
 def _to_its_end(
-    search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS, before_it: Sequence[Search] = ()
-) -> None:
+    search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS,
+    before_it: Sequence[Search] = (), halt: Callable[[Search], bool] | None = None,
+) -> bool:  # fmt: skip
     """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been or
-    is far ahead."""
+    is far ahead; whether it was to halt before."""
     # With another law, or once it sees the log by another of its habits, a search begins anew, and so do its rounds.
     k, seen, said = 0, search.seen, friction.said
     while k < MOST_ROUNDS:
         k = k + 1 if search.seen is seen and friction.said == said else 1
         seen, said = search.seen, friction.said
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
-            return
+            return False
         law = friction.better()
         if law is not None and law.clear:
             friction.take(law)
             continue
         had_room, before = friction.has_room, list(search.steps)
         in_part = part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)
-        if len(search.steps) <= most and search.add_one(in_part, law.result if law else None):
+        added = len(search.steps) <= most and search.add_one(in_part, law.result if law else None)
+        if halt is not None and halt(search):
+            return True
+        if added:
             if not had_room:  # an effect has shown that less can be left than noise was thought to leave
                 law = friction.instead(before)
             if law is not None and law.held_out.total < search.held_out.total:
@@ -79,6 +104,7 @@ def _to_its_end(
             break
     else:
         drop_false(search)
+    return False
 
 
 def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> FrictionLaw:

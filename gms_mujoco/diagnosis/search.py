@@ -36,7 +36,7 @@ from .friction_shape import (
     shaped_as,
     without_idle,
 )
-from .joint_fits import FORMS, JointFits, Rough
+from .joint_fits import FORMS, LIMITS, JointFits, Rough
 from .judgement import (
     AT_FLOOR,
     CLOSE,
@@ -275,6 +275,7 @@ class Search:
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
         held = [t for t in best if self._holds_roughly(t)] if self.at_floor and self.only_timed else best
         ends = finalists(current, held, FINALISTS + fits.simulated)
+        ends = self._limit_instead(ends, best)
         ends += surer(best, ends, p_values)
         for i, (name, misfit, x) in enumerate(ends):
             report(0.7 + 0.1 * i, f"refitting with {name}")
@@ -287,6 +288,20 @@ class Search:
         self._settle_for(trials)
         p_values |= {t.name: p_beside(self.steps[-1].result, self.held_out, t) for t in trials}
         return trials
+
+    def _limit_instead(self, ends: list[Rough], rough: Sequence[Rough]) -> list[Rough]:
+        """The same rough fits; where the first plays, and what it is without a play comes down to the noise floor, that
+        in its place. There is nothing that the play would have to say, and each look at one is long."""
+        name, *_ = ends[0] if ends else ("",)
+        current = self.steps[-1].result
+        for special, misfit, x in rough:
+            if LIMITS.get(special) == name and name not in current.plant and not self.at_floor:
+                undetermined = max(misfit.cost(x) - left_of(misfit, x), 0.0)
+                below = AT_FLOOR**2 * floor_of(current) + undetermined
+                found = self.fits.to_end(misfit, x, below)
+                if found.error <= AT_FLOOR * found.floor:
+                    return [(special, found.misfit, found.vector), *(t for t in ends if t[0] not in (special, name))]
+        return ends
 
     def _holds_roughly(self, rough: Rough) -> bool:
         """Whether a rough fit leaves less of blocks not seen than the plant without its effect, by more than chance.
