@@ -207,6 +207,10 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         elif axis.in_amperes:
             unit = "N m" if axis.joint.kind == "hinge" else "N"
             notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
+        if len(axis.current_kinds) > 1:
+            told = " and ".join(f"A {kind} ({name})" for kind, name in axis.current_kinds.items())
+            notes.append(f"currents are in {told}, and no torque constant is right for both: say scale = "
+                         "{ current = ... } for one of them")
         if axis.robot and records:
             records, on_robot = axis.robot.on(records)
             notes += on_robot

@@ -213,7 +213,8 @@ def read_run(
             if key not in ("time", "goal", "position"):
                 raise DataError(f"units and scale are of time, goal and position; {key!r} given")
         stated = {k: unit for k, unit in stated.items() if k not in own}
-        named.expect_unit(found, {**own, **stated}, "hinge", "goal", "position")
+        said = {**own, **named.are_units(stated, _LIKE)}
+        named.expect_unit(found, said, "hinge", "goal", "position")
         read = named.as_stated(found, stated, named.Joint(resolution=count), _LIKE)
         for key in own:
             given = (units or {}).get(key), (scale or {}).get(key)
@@ -224,7 +225,7 @@ def read_run(
         kept, left_out = named.trimmed(found)
         table = table.rows(kept)
         named.check(table, found, fewest=_FEWEST)
-        if rate is None and "time" not in {**own, **stated}:
+        if rate is None and "time" not in said:
             timing.expect_clock(found["time"])
         time, position, goal, powered = (found[k] for k in _BAM)
         position, goal, turned = _unwrapped(position, goal, count)

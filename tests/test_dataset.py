@@ -79,6 +79,14 @@ def test_a_whole_set_in_the_place_of_its_records_is_told_what_to_give(tmp_path: 
         ("velocity", "rpm", 2 * np.pi / 60),
         ("velocity", "counts/s", 2 * np.pi / 4096),
         ("load", "kgf cm", 0.0980665),
+        ("position", "mdeg", np.pi / 180e3),
+        ("position", "0.001\N{DEGREE SIGN}", np.pi / 180e3),
+        ("position", "m\N{DEGREE SIGN}", np.pi / 180e3),
+        ("position", "Umdr", 2 * np.pi),
+        ("position", "Incr", 2 * np.pi / 4096),
+        ("torque", "lbf\N{MIDDLE DOT}ft", 1.3558179483314),
+        ("torque", "in-lb", 0.1129848290276),
+        ("torque", "daNm", 10.0),
     ],
 )
 def test_units_become_si(column: str, unit: str, factor: float, tmp_path: Path) -> None:
@@ -115,19 +123,43 @@ def test_what_a_header_states_is_read_and_said(head: str, tmp_path: Path) -> Non
     refuses(tmp_path, slide, "the file states a unit of", "slide joint", "scale")
 
 
-def test_a_name_in_brackets_that_is_no_unit_does_not_matter(tmp_path: Path) -> None:
-    text = AXIS + RECORD + 'use = "fit"\ncolumns = { time = "time", torque = "tau [elbow]", position = "position" }\n'
-    record = dataset(tmp_path, text, **{"time": TIME, "tau [elbow]": RUN["torque"], "position": RUN["position"]}).fit[0]
+@pytest.mark.parametrize("word", ["elbow", "motor 1", "J1", "actual", "act", "2", "hip", "raw", "left arm"])
+def test_a_name_in_brackets_that_is_no_unit_does_not_matter(word: str, tmp_path: Path) -> None:
+    name = f"torque [{word}]"
+    text = AXIS + RECORD + f'use = "fit"\ncolumns = {{ torque = "{name}" }}\n'
+    record = dataset(tmp_path, text, **{"time": TIME, name: RUN["torque"], "position": RUN["position"]}).fit[0]
     assert np.array_equal(record.torque, RUN["torque"])
+    whole = {"time": TIME, name: np.round(1000 * RUN["torque"]), "position": RUN["position"]}
+    refuses(tmp_path, text, "torque has whole numbers only", **whole)
 
 
-def test_a_unit_that_nobody_knows_is_said_or_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("unit", ["%", "% Mn", "%rated", "Mp", "V", "UU", "0.1%", "Umdr", "percent", "Nm/A", "Ohm"])
+def test_a_unit_that_nobody_knows_is_refused_and_the_line_says_what_to_do(unit: str, tmp_path: Path) -> None:
     text = AXIS + RECORD + 'use = "fit"\n'
-    runs = dataset(tmp_path, text, **{"time": TIME, "torque [Mp]": RUN["torque"], "position (rad)": RUN["position"]})
-    assert "'Mp' beside torque in the file is no unit that is known: taken as SI" in runs.notes[0]
-    percent = {"time": TIME, "torque [%]": RUN["torque"], "position": RUN["position"]}
-    refuses(tmp_path, text, "states a unit of torque", "'%'", "scale", **percent)
-    assert len(dataset(tmp_path, text + "scale = { torque = 0.02 }\n", **percent).fit) == 1
+    raw = {"time": TIME, f"torque [{unit}]": RUN["torque"], "position (rad)": RUN["position"]}
+    ways = "scale = { torque = ... } [Nm per raw number], or units = { torque = \"Nm\" }"
+    refuses(tmp_path, text, "run.csv", "states a unit of torque", ways, **raw)
+    assert len(dataset(tmp_path, text + "scale = { torque = 0.02 }\n", **raw).fit) == 1
+    assert len(dataset(tmp_path, text + 'units = { torque = "Nm" }\n', **raw).fit) == 1
+
+
+def test_a_load_that_acts_on_the_axis_is_a_torque(tmp_path: Path) -> None:
+    raw = {**RUN, "load [%]": np.cos(TIME)}
+    refuses(tmp_path, AXIS + "load_acts = 1\n" + RECORD, "states a unit of load", "'%'", **raw)
+
+
+def test_amperes_of_a_sine_are_told_and_may_not_be_mixed(tmp_path: Path) -> None:
+    text = "[axis]\ntorque_constant = 0.2\n"
+    for i, unit in enumerate(("A rms", "mApk")):
+        raw = {"time": TIME, f"current [{unit}]": RUN["torque"] + i, "position": RUN["position"]}
+        formats.write(tmp_path / f"{i}.csv", raw)
+        text += f'[[record]]\nfile = "{i}.csv"\n'
+    runs = dataset(tmp_path, text)
+    assert np.allclose(runs.records[1].torque, 0.2e-3 * (RUN["torque"] + 1))
+    assert "0.csv: current in A rms: taken as A, and axis.torque_constant as one of A rms" in runs.notes
+    assert any("currents are in A rms (0.csv) and A peak (1.csv)" in note for note in runs.notes)
+    apart = dataset(tmp_path, text + "scale = { current = 0.0007 }\n")
+    assert not any("no torque constant is right" in note for note in apart.notes)
 
 
 @pytest.mark.parametrize("unit", ["%", "A", "N", "kg", "bar", "counts", "quux"])

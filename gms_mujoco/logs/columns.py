@@ -25,7 +25,6 @@ _BEHIND_A_BAR = re.compile(r"(?:_|\s*[/,]\s*)([^\s_,/]+(?:/[a-z]+)?)\s*$")  # "t
 _PARTS = re.compile(r"(?<=[\W_])[^\W_]{2,}|(?<=[a-z])[A-Z][a-z]+$")  # "q_deg_filtered", "position in deg", "PosDeg"
 _WORDS = ("in", "d", "h", "m", "N")  # behind a bar they are more often no units
 _INSIDE = ("min", "rev", "turn", "inc", "count", "counts")  # inside a name they are
-_NO_UNITS = ("%", "‰")  # of something that only the user knows
 _MANY = 20  # different whole numbers, which are no radians or metres
 _COARSE = 0.02  # of the stamps of a clock repeat the one before
 _SPARSE = 0.5  # of the rows of the position, that a column of the same source has at least
@@ -243,17 +242,22 @@ def as_stated(
     Args:
         like: what a column measures where its name does not say it.
         others: the joint of a column that is not of this one.
+
+    Raises:
+        DataError: a unit that is not known, or of something else.
     """
     said, unknown = [], []
     for key, unit in stated.items():
         what, of = (like or {}).get(key, key), (others or {}).get(key, joint)
-        if not units.is_unit(unit) and not units.measures(unit, what) and unit not in _NO_UNITS:
+        if not units.may_be(unit, what):
             unknown.append(f"{unit!r} beside {key}")
             continue
         try:
             factor, offset = units.into_si(unit, what, of.kind, of.resolution)
         except DataError as error:
-            raise DataError(f"the file states a unit of {key}: {error}; or say otherwise with units or scale") from None
+            si = next(iter(units.units_of(what, of.kind)))
+            raise DataError(f"the file states a unit of {key}: {error}; say scale = {{ {key} = ... }} [{si} per raw "
+                            f'number], or units = {{ {key} = "{si}" }} where it is that') from None
         if (factor, offset) != (1.0, 0.0):
             columns[key] = columns[key] * factor + offset
             meant = units.in_column(unit, what, of.kind)
@@ -261,6 +265,11 @@ def as_stated(
     told = [f"units as the file states them: {', '.join(said)}"] if said else []
     told += [f"{', '.join(unknown)} in the file is no unit that is known: taken as SI"] if unknown else []
     return "; ".join(told) or None
+
+
+def are_units(stated: Mapping[str, str], like: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Those that are units of what stands in brackets, as `as_stated` takes them."""
+    return {key: unit for key, unit in stated.items() if units.may_be(unit, (like or {}).get(key, key))}
 
 
 def remarked(table: formats.Table, said: Mapping[str, Any], kind: str) -> str | None:

@@ -37,6 +37,7 @@ class Axis:
         load_acts: 1 or -1 where the logged load acts on the axis too, see `Record.with_acting_load`; 0 where not.
         in_amperes: the torque constant is unknown: torque stays in A.
         has_current: whether a current was turned into torque.
+        current_kinds: "rms" and "peak" where a current says which it is, with the first file that does.
 
     Raises:
         DataError: a key that does not exist, or that cannot be what it is given as.
@@ -79,6 +80,7 @@ class Axis:
         unit = "N m/A" if kind == "hinge" else "N/A"
         self.torque_constant: float | None = number(own, "torque_constant", "axis.", unit)
         self.has_current = False
+        self.current_kinds: dict[str, str] = {}
 
     def constant(self, asked: str) -> float:
         """The torque constant, for a current that was found; raises DataError with `asked` where it is not given."""

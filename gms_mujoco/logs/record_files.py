@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import formats
 from ..errors import DataError
 from ..record import Record
-from . import columns, plausible, timing, turns
+from . import columns, plausible, timing, turns, units
 from .columns import subtable
 from .encoder import common_step
 from .measured_axis import Axis
@@ -151,8 +151,15 @@ def _in_si(
     signals, stated = columns.pick(table, chosen, columns.rate(entry))
     stated = {key: said for key, said in stated.items() if key not in unit and key not in scale}
     raw = [key for key in ("position", "torque", "current") if key in signals]
-    columns.expect_unit(signals, {**unit, **scale, **stated}, axis.joint.kind, *raw)
-    own = columns.as_it_is(axis.joint.kind, stated, unit) if "load" in signals and "load" not in scale else None
+    said = {**unit, **scale, **columns.are_units(stated)}
+    columns.expect_unit(signals, said, axis.joint.kind, *raw)
+    own = None
+    if "load" in signals and "load" not in scale and not axis.load_acts:
+        own = columns.as_it_is(axis.joint.kind, stated, unit)
+    of_current = str({**stated, **unit}.get("current", ""))
+    if kind := units.kind_of_current(of_current):
+        axis.current_kinds.setdefault(kind, str(entry["file"]))
+        of_current = f"current in {of_current}: taken as A, and axis.torque_constant as one of A {kind}"
     columns.convert(signals, unit, scale, axis.joint)
     joints = {_OTHERS + k: columns.Joint(k, axis.joint.others[k], axis.resolution(k, axis.joint.others[k]))
               for k in elsewhere}  # fmt: skip
@@ -160,9 +167,9 @@ def _in_si(
     for name, joint in joints.items():
         at = elsewhere[joint.name]
         signals[name] = columns.column(table, f"columns.position.{joint.name}", at)
-        said = columns.stated_unit(table, at, "position")
-        if said and not for_all and joint.name not in {**other_units, **other_scales}:
-            stated[name] = said
+        beside = columns.stated_unit(table, at, "position")
+        if beside and not for_all and joint.name not in {**other_units, **other_scales}:
+            stated[name] = beside
             continue
         signals[name] = columns.into_si(
             signals[name], "position", other_units.get(joint.name, unit.get("position")),
@@ -170,7 +177,7 @@ def _in_si(
         )  # fmt: skip
     note = columns.as_stated(signals, stated, axis.joint, dict.fromkeys(joints, "position"), joints)
     note = note or columns.remarked(table, {**unit, **scale, **stated}, axis.joint.kind)
-    return signals, bool({"time", "rate"} & {*unit, *scale, *stated, *entry}), [note, own]
+    return signals, bool({"time", "rate"} & {*said, *entry}), [note, own, of_current if kind else None]
 
 
 def _expect_a_column_for_each(chosen: Mapping[str, Any], entry: Mapping[str, Any], axis: Axis) -> None:

@@ -9,17 +9,18 @@ from collections.abc import Mapping
 from ..errors import DataError, listing
 
 _REV = 2 * math.pi
-_LBF, _INCH = 4.4482216152605, 0.0254
+_LBF, _INCH, _FOOT = 4.4482216152605, 0.0254, 0.3048
 COUNTS = ("count", "counts", "inc")  # encoder counts: their size is a property of the axis
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
-_ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "arcmin": _REV / 21600, "arcsec": _REV / 1296000,
-          "rev": _REV, "turn": _REV}
-_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH}
-_TORQUE = {"Nm": 1.0, "kNm": 1e3, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3, "kgfcm": 0.0980665,
-           "kgcm": 0.0980665, "gcm": 9.80665e-5,
-           "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16, "lbin": _LBF * _INCH, "ozin": _LBF * _INCH / 16}
-_FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _REV / 360, "mdeg": _REV / 360e3, "arcmin": _REV / 21600,
+          "arcsec": _REV / 1296000, "gon": _REV / 400, "rev": _REV, "turn": _REV}
+_LENGTH = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH, "ft": _FOOT}
+_TORQUE = {"Nm": 1.0, "kNm": 1e3, "daNm": 10.0, "cNm": 1e-2, "mNm": 1e-3, "uNm": 1e-6, "Ncm": 1e-2, "Nmm": 1e-3,
+           "kgfm": 9.80665, "kgfcm": 0.0980665, "kgm": 9.80665, "kgcm": 0.0980665, "gcm": 9.80665e-5,
+           "lbfft": _LBF * _FOOT, "lbfin": _LBF * _INCH, "ozfin": _LBF * _INCH / 16,
+           "lbft": _LBF * _FOOT, "lbin": _LBF * _INCH, "ozin": _LBF * _INCH / 16}
+_FORCE = {"N": 1.0, "kN": 1e3, "daN": 10.0, "mN": 1e-3, "kgf": 9.80665, "lbf": _LBF}
 _CURRENT = {"A": 1.0, "mA": 1e-3, "uA": 1e-6}
 _PER_MINUTE = dict.fromkeys(("rpm", "rev/min", "1/min"), _REV / 60)
 _SPEED = {f"{unit}/s": factor for unit, factor in _ANGLE.items()} | _PER_MINUTE | {"rps": _REV}
@@ -47,12 +48,40 @@ _AKA = {  # units written out, in lower case, and what else is meant by one alon
     "s": ("sec", "secs", "second", "seconds"), "ms": ("msec", "millisecond", "milliseconds"),
     "us": ("usec", "microsecond", "microseconds"), "min": ("minute", "minutes"), "h": ("hour", "hours"),
     "d": ("day", "days"), "rad": ("radian", "radians"), "deg": ("degree", "degrees", "grad"), "rpm": ("u/min",),
-    "rev": ("revs", "revolution", "revolutions"), "turn": ("turns",), "counts": ("cts", "ticks", "incs", "pulses"),
+    "rev": ("revs", "revolution", "revolutions", "umdr", "umdrehung", "umdrehungen"), "turn": ("turns",),
+    "counts": ("cts", "cnt", "cnts", "ticks", "incs", "incr", "increments", "pulses"),
     "A": ("amp", "amps", "ampere", "amperes"), "mA": ("milliamp", "milliamps", "milliampere"),
     "Nm": ("newtonmeter", "newtonmeters", "newtonmetre", "newtonmetres"), "m": ("meter", "meters", "metre", "metres"),
     "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
+    "lbft": ("ftlb", "ftlbs", "lbsft"), "lbfft": ("ftlbf",), "lbin": ("inlb", "inlbs", "lbsin"), "lbfin": ("inlbf",),
+    "ozin": ("inoz",), "ozfin": ("inozf",),
 }  # fmt: skip
 _MEANT = {word: unit for unit, words in _AKA.items() for word in (*words, unit) if len(word) > 2} | {"NM": "Nm"}
+
+_MULTIPLE = re.compile(r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*[*·]?\s*([^\W\d_].*|°.*)")  # "0.001°"
+_KIND = re.compile(r"([mu\N{MICRO SIGN}k]?A)[\s_]*\(?(?:(rms|RMS|eff|EFF)|(?:pk|peak|PK))\)?")  # "A rms", of a current
+_ONLY_IN_UNITS = re.compile(r"[%‰°^²³·Ω]")
+_SHORT = re.compile(r"(?:\d[\d.,]*\s*)?[^\W\d_]{1,4}(?:[\s*./_-]+[^\W\d_]{1,4})*")  # "Mp", "kp m"
+_NO_FACTORS = frozenset(("percent", "permille", "promille", "prozent", "volts", "units", "steps", "digits", "rated"))
+_LABEL = re.compile(  # a short word in brackets that says which signal it is, or of what, and not how much
+    "act|set|ref|cmd|des|raw|fbk?|meas|est|filt|lp|avg|mean|max|min|abs|rel|ist|soll|in|out|new|old|main|aux|test|sim|"
+    "real|data|log|sp|pv|arm|leg|hip|knee|foot|toe|hand|neck|head|base|pan|tilt|roll|yaw|axis|ax|jnt|link|lead|left|"
+    "lhs|rhs|load|side|[xyz]|ch|n/a|none|nan|null"
+)
+
+
+def may_be(text: str, column: str) -> bool:
+    """Whether what stands in brackets beside a column is its unit, known or not, and no word about the column."""
+    if is_unit(text) or measures(text, column) or _ONLY_IN_UNITS.search(text):
+        return True
+    words = {text.lower(), *re.findall(r"[^\W\d_]+", text.lower())}
+    return bool(words & _NO_FACTORS) or (_SHORT.fullmatch(text) is not None and not any(map(_LABEL.fullmatch, words)))
+
+
+def kind_of_current(unit: str) -> str:
+    """Which amperes of a sine a unit of current counts, "rms" or "peak"; "" where it does not say."""
+    found = _KIND.fullmatch(unit.strip())
+    return "" if found is None else "rms" if found[2] else "peak"
 
 
 def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[float, float]:
@@ -60,7 +89,7 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
 
     Args:
         unit: as written in `dataset.toml` or in the file; blanks, "*", "." and "-" between its parts do not matter,
-            "µ" is "u" and "°" is "deg", and many may be written out ("seconds").
+            "µ" is "u" and "°" is "deg", many may be written out ("seconds"), and a number before it is a factor.
         column: the column it belongs to, "position", "torque" ...
         kind: joint kind, "hinge" or "slide".
         count: one encoder count [rad or m], None where unknown.
@@ -71,6 +100,9 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
     known, spelled = units_of(column, kind), in_column(unit, column, kind)
     if spelled in known:
         return known[spelled]
+    if multiple := _MULTIPLE.fullmatch(unit):
+        factor, offset = into_si(multiple[2], column, kind, count)
+        return float(multiple[1].replace(",", ".")) * factor, offset
     if column in _COUNTED and spelled.removesuffix("/s") in COUNTS:
         if spelled.endswith("/s") != (column == "velocity"):
             raise DataError(f"{unit!r} does not measure {column}; expected one of {listing(known)}")
@@ -89,6 +121,8 @@ def into_si(unit: str, column: str, kind: str, count: float | None) -> tuple[flo
 
 def in_column(unit: str, column: str, kind: str) -> str:
     """A unit as it is spelled here; in another case too where that has one meaning in this column: "mnm" is "mNm"."""
+    if column == "current" and (of_kind := _KIND.fullmatch(unit.strip())):
+        unit = of_kind[1]
     known, spelled = units_of(column, kind), _spelled(unit)
     alike = [u for u in known if u.lower() == spelled.lower()]
     return alike[0] if spelled not in known and len(alike) == 1 else spelled
