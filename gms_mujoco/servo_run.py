@@ -293,7 +293,7 @@ def _signals(
     if wanted["powered"] is None:
         del wanted["powered"]
     if rate is not None:
-        del wanted["time"]
+        named.expect_rate(table, wanted.pop("time"), rate)
     wanted = {k: k if at is None else at for k, at in wanted.items()}
     named.expect_found(table, {k: at for k, at in wanted.items() if k not in chosen})
     found = {k: named.column(table, f"columns.{k}", at, None if k in chosen else k) for k, at in wanted.items()}

@@ -190,6 +190,11 @@ def test_a_rate_counts_time_where_the_file_has_none_or_a_coarse_one(tmp_path: Pa
     refuses(tmp_path, text, "time does not run forward", "rate = ", **coarse)
     for raw in (without, coarse):
         assert np.allclose(dataset(tmp_path, text + "rate = 1000\n", **raw).fit[0].time, np.arange(N) / 1000)
+    for size, name in ((1.0, "time"), (1.0, "time [s]"), (1e3, "time"), (1e3, "time [ms]")):
+        same = {name: size * TIME, **without}
+        assert np.allclose(dataset(tmp_path, text + "rate = 1000\n", **same).fit[0].time, np.arange(N) / 1000)
+        refuses(tmp_path, text + "rate = 2000\n", "rate = 2000 [Hz]", "rows a second; leave rate out", **same)
+    refuses(tmp_path, text + "rate = 1000000\n", "says 1000 rows", **{"time [s]": TIME, **without})
     refuses(tmp_path, text + "rate = -1000\n", "rate must be positive", **without)
     refuses(tmp_path, text + 'rate = 1000\ncolumns = { time = "time" }\n', "not both", **RUN)
 

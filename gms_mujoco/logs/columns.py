@@ -116,10 +116,19 @@ def pick(
     raw = {key: column(table, f"columns.{key}", at, None if key in chosen else key) for key, at in wanted.items()}
     stated = {key: stated_unit(table, at, key) for key, at in wanted.items()}
     if rate is not None:
+        expect_rate(table, available.get("time"), rate)
         raw["time"] = np.arange(max(map(len, raw.values()))) / rate
     elif (rest := _nanoseconds_beside(table, wanted["time"])) is not None:
         raw["time"] = raw["time"] - raw["time"][0] + 1e-9 * rest
     return raw, {key: unit for key, unit in stated.items() if unit}
+
+
+def expect_rate(table: formats.Table, at: Any, rate: float) -> None:
+    """Raises DataError where the column of time contradicts a rate [Hz]."""
+    if (time := table.columns.get(_called(table, at))) is not None and len(time) > 1:
+        unit = stated_unit(table, at, "time")
+        named = units.measures(unit, "time")
+        timing.expect_rate(time * (units.into_si(unit, "time", "hinge", None)[0] if named else 1.0), rate, named)
 
 
 def _nanoseconds_beside(table: formats.Table, at: Any) -> Array | None:

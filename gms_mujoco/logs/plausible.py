@@ -28,7 +28,9 @@ _MOST = 0.9  # of the samples in which an axis moves
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
 _OFF, _ABSURD = 5.0, 1e3  # times an inertia: more than a wrong guess, and more than there can be anything in
 _AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
-_AT_END, _MOST_AT_END = 0.003, 0.2  # of the rows, at which a torque stands at its largest, that say anything
+# Of the rows, at which a torque stands at its largest, that say anything; one that switches between its ends stands
+# there nearly always, and one of moves and rests has few levels between.
+_AT_END, _MOST_AT_END = 0.003, 0.8
 _FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell how fast an axis is beside it
 _RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
 _BEYOND = 2.0  # times the largest torque of the other rows

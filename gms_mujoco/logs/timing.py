@@ -18,6 +18,7 @@ LONGEST_GAP = 20  # sample times; across more the motion cannot be guessed
 _FEWEST, _FEW = 16, 3  # samples of a part of a file that is worth a span, and such parts
 _SLOW, _FAST = 0.2, 5e-6  # s; nobody controls a joint at longer samples, or shorter ones
 _CLOCKS = {"ms": 1e-3, "us": 1e-6, "100ns": 1e-7, "ns": 1e-9, "d": 86400.0}  # that may be meant, the likeliest first
+_OTHER_RATE = 0.05  # of a rate, by which that of a clock is another
 _SLOWISH, _LONG = 0.03, 1200.0  # s; a step and a whole that are rather milliseconds read as seconds
 _EVEN = 0.02  # steps that differ by less than this part are even
 _OWN, _NEARLY_ALL = 0.1, 0.95  # of a step, by which nearly all stamps of a drive's own loop stray at most
@@ -70,6 +71,24 @@ def expect_clock(time: Array) -> None:
     """Raises DataError for a doubt about times (n,) [s] of which nobody says the unit."""
     if doubt := clock(time):
         raise DataError(f'{doubt}, or units = {{ time = "s" }} where that is right')
+
+
+def expect_rate(time: Array, rate: float, named: bool) -> None:
+    """Raises DataError where the clock of a file, times (n,), says that its rows came at another rate [Hz].
+
+    A clock that is too coarse, or counts rows, says nothing.
+
+    Args:
+        named: whether the file says that its times are in s; elsewhere they may be in any unit.
+    """
+    step = np.diff(time)
+    if not np.isfinite(time).all() or np.any(step <= 0) or np.all(step == 1):
+        return
+    own = 1 / float(np.median(step))
+    if any(abs(own / size / rate - 1) < _OTHER_RATE for size in (1.0, *(() if named else _CLOCKS.values()))):
+        return
+    raise DataError(f"rate = {rate:g} [Hz], but the time of the file says {own:.4g} rows a second; leave rate out, with "
+                    "scale = { time = ... } where that clock is wrong")
 
 
 def parts(time: Array, whole: NDArray[np.bool_]) -> str:

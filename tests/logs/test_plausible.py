@@ -264,6 +264,11 @@ def test_a_torque_that_the_axis_does_not_answer_was_read_wrong(axis: str, wrong:
 def test_what_may_be_wrong_with_a_log_is_said(tmp_path: Path) -> None:
     clipped = logged(tmp_path, torque=lambda u: np.clip(u, -2.0, 2.0))
     assert any("the torque stands at 2 in" in note for note in clipped.notes)
+    badly = logged(tmp_path, torque=lambda u: np.clip(u, *np.quantile(np.abs(u), 0.5) * np.array([-1, 1])))
+    assert any("in 50 % of the rows; where that is the end" in note for note in badly.notes)
+    switched = logged(tmp_path, torque=lambda u: np.clip(50 * u, -2.0, 2.0))
+    moves = logged(tmp_path, torque=lambda u: np.clip(np.round(np.abs(u)) * np.round(u), -2.0, 2.0))
+    assert not any("the torque stands at" in note for runs in (switched, moves) for note in runs.notes)
     slow = logged(tmp_path, torque=lambda u: np.repeat(u[::10], 10)[: len(u)])
     assert any("the torque changes at every 10 rows only" in note and "sensed = true" in note for note in slow.notes)
     read = logged(tmp_path, entry="sensed = true\n", torque=lambda u: np.repeat(u[::10], 10)[: len(u)])
