@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .comparison.score import Score
+from .comparison.score import NEAR_FLOOR, Score, above_floor
 from .identification.intervals import covariance
 from .identification.inverse import Observation
 from .identification.misfit import Misfit
@@ -26,7 +26,6 @@ from .version import __version__
 
 Array = NDArray[np.float64]
 
-_NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 _LOUD = 0.05  # of the torque
 _PASSED_ON = 4.0  # times the noise floor without friction: none but one that is too stiff makes so much of it
 
@@ -69,7 +68,7 @@ class FitResult:
     @property
     def nearly_noise(self) -> float:
         """A squared residual that is hardly more than what the sensors leave [N^2 m^2]."""
-        return max(_NEAR_FLOOR**2 * squared(self.floor_rows), self.negligible)
+        return max(NEAR_FLOOR**2 * squared(self.floor_rows), self.negligible)
 
     @property
     def is_near_floor(self) -> bool:
@@ -144,8 +143,8 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
         status += f", noise floor {100 * floor:.2f} %"
     else:
         status = f"mean absolute position error {score.told(error)}, noise floor {score.told(floor)}"
-    if error > _NEAR_FLOOR * floor:
-        status += f". That is {error / floor:.2g} times the floor: `diagnose` looks for what is missing"
+    if above := above_floor(error, floor):
+        status += f". That is {above}: `diagnose` looks for what is missing"
     if habit := _habit(misfit, x):
         status += f". {habit}"
     if stuck := never_slips(plant, observations):

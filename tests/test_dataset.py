@@ -590,6 +590,13 @@ def test_records_to_fit_that_do_not_move_are_refused(tmp_path: Path) -> None:
         fit(baseline(runs.inertia), runs.fit)
 
 
+@pytest.mark.parametrize("torque", [0.0, 0.5])
+def test_a_torque_that_never_changes_tells_no_inertia(torque: float, tmp_path: Path) -> None:
+    steps = np.where(TIME < 0.15, torque, 1.0)
+    runs = dataset(tmp_path, RECORD, **{**RUN, "torque": steps})
+    with pytest.raises(DataError, match=r"60 %\): the torque never changes, and no inertia is given"):
+        fit(baseline(), runs.fit)
+
 def test_columns_of_different_length_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", time=TIME, torque=TIME[:50], position=TIME)
     refuses(tmp_path, AXIS + '[[record]]\nfile = "run.npz"\n', "torque has 50")

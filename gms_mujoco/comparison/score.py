@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
+
 
 @dataclass(frozen=True)
 class Score:
@@ -79,3 +81,10 @@ def relative_error(residuals: Sequence[Array], torques: Sequence[Array]) -> floa
     above = np.mean([np.mean(r**2) for r in residuals])
     below = np.mean([np.mean(t**2) for t in torques])
     return float(np.sqrt(above / below)) if below > 0 else float("nan")
+
+
+def above_floor(error: float, floor: float) -> str:
+    """How far an error is above its noise floor, as in "1.3 times the noise floor"; "" where it is hardly."""
+    if error <= NEAR_FLOOR * floor:
+        return ""
+    return f"{error / floor:.2g} times the noise floor" if floor > 0 and error < np.inf else "above the noise floor"

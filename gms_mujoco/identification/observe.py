@@ -131,6 +131,11 @@ def observe(
     if plant is None and not bandwidth and records and not frfs and not any(np.ptp(r.position) for r in records):
         names = ", ".join(r.name for r in records)
         raise DataError(f"{names}: the position never changes; nothing can be learnt from a joint that does not move")
+    told = (np.ptp(r.torque) or r.get("rigid_torque") is not None for r in records)
+    if inertia is None and records and not frfs and not any(told):
+        names = ", ".join(r.name for r in records)
+        raise DataError(f"{names}: the torque never changes, and no inertia is given: nothing tells how large it is; "
+                        "is the torque the right column?")
     seen: list[Seen] = []
     scale = None
     if records:

@@ -87,8 +87,8 @@ def expect_rate(time: Array, rate: float, named: bool) -> None:
     own = 1 / float(np.median(step))
     if any(abs(own / size / rate - 1) < _OTHER_RATE for size in (1.0, *(() if named else _CLOCKS.values()))):
         return
-    raise DataError(f"rate = {rate:g} [Hz], but the time of the file says {own:.4g} rows a second; leave rate out, with "
-                    "scale = { time = ... } where that clock is wrong")
+    raise DataError(f"rate = {rate:g} [Hz], but the time of the file says {own:.4g} rows a second; leave rate out, "
+                    "with scale = { time = ... } where that clock is wrong")
 
 
 def parts(time: Array, whole: NDArray[np.bool_]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..compare import WINDOW
-from ..comparison.score import Score
+from ..comparison.score import Score, above_floor
 from ..version import __version__
 from . import figure
 from .figure import COLOURS
@@ -34,7 +34,6 @@ VERDICTS = {
     "partly_explained": "The added effects lower the error; something remains that they do not explain.",
     "unexplained": "The error is above the noise and no known effect earns its place. None is named.",
 }
-_AT_FLOOR = 1.4  # times the noise floor: as good as the sensors
 
 
 def render(diagnosis: Diagnosis) -> str:
@@ -90,11 +89,14 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
             "position about its mean. Noise floor: how far the measurement strays from its own repetitions, or where "
             "nothing is repeated the noise of the encoder alone.</p>"
         )
-    good = comparison.error <= _AT_FLOOR * comparison.noise_floor
-    says = "at the noise floor" if good else "above the noise floor"
+    above = above_floor(comparison.error, comparison.noise_floor)
+    good, says, alone = not above, above or "at the noise floor", score.told(comparison.noise_floor)
+    worst = max(comparison.rows, key=lambda r: r.error / r.noise_floor if r.noise_floor > 0 else 0.0)
+    own = above_floor(worst.error, worst.noise_floor) if len(comparison.rows) > 1 else ""
+    of_worst = f" {escape(worst.name)} alone leaves {own}." if own else ""
     verdict = (
         f'<section class="verdict{"" if good else " fails"}"><p><b>{says}</b></p><p>{_upper(score.name)} '
-        f"{score.told(comparison.error)}; sensor noise alone would leave {score.told(comparison.noise_floor)}.</p>"
+        f"{score.told(comparison.error)}; sensor noise alone would leave {alone}.{of_worst}</p>"
         f"{f'<p>{escape(_sentence(comparison.where))}</p>' if comparison.where else ''}</section>"
     )
     parts = [f"<h1>{title}</h1>", verdict, f"<section><h2>Errors</h2>{note}{table(heads, rows, (2, 3, 4))}</section>"]

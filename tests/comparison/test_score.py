@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gms_mujoco.comparison.score import FORCE, POSITION, TORQUE
+from gms_mujoco.comparison.score import FORCE, POSITION, TORQUE, above_floor
 
 
 def test_a_torque_error_is_relative_and_a_position_error_is_in_radians() -> None:
@@ -20,3 +20,9 @@ def test_an_error_is_told_with_its_unit() -> None:
     assert [s.name for s in (TORQUE, FORCE, POSITION)] == ["torque error", "force error", "position error"]
     assert TORQUE.of_kind("slide") is FORCE and FORCE.of == "torque"  # files have one name for both
     assert TORQUE.of_kind("hinge") is TORQUE and POSITION.of_kind("slide") is POSITION
+
+
+def test_an_error_is_told_above_its_floor_by_one_rule() -> None:
+    assert above_floor(1.2, 1.0) == above_floor(0.0, 0.0) == ""
+    assert above_floor(0.13, 0.1) == "1.3 times the noise floor"
+    assert above_floor(0.1, 0.0) == "above the noise floor"

@@ -14,6 +14,7 @@ import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.compare import compare
 from gms_mujoco.comparison.residual_maps import ResidualMap
+from gms_mujoco.comparison.score import above_floor
 from gms_mujoco.plant import Plant
 from gms_mujoco.views import page, report
 
@@ -54,7 +55,8 @@ def test_the_page_of_a_comparison_shows_every_view(told: Told) -> None:
             assert m.title[1:].split(",")[0] in text
     for g in c.regimes:
         assert g.name in text
-    assert "above the noise floor" in text and page.percent(c.torque_error) in text
+    assert f"<b>{above_floor(c.error, c.noise_floor)}</b>" in text and page.percent(c.torque_error) in text
+    assert "at the noise floor" in report.render_comparison(replace(c, noise_floor=c.error))
 
 
 def test_a_diagnosis_without_validate_records_has_a_page(told: Told) -> None:
