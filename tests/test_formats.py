@@ -512,8 +512,25 @@ def test_servo_log_fields_are_columns(tmp_path: Path) -> None:
     del entries[7]["position"]
     (tmp_path / "log.json").write_text(json.dumps({"mass": 1.0, "entries": entries}))
     table = formats.read(tmp_path / "log.json")
-    assert set(table.columns) == {"timestamp", "torque_enable"}
-    assert table.unusable["position"] == "sample 7: nothing is not a number"
+    assert set(table.columns) == {"timestamp", "torque_enable", "position"} and "id" in table.unusable
+    assert np.array_equal(np.flatnonzero(np.isnan(table.columns["position"])), [7])
+
+
+def test_dates_as_text_are_seconds_in_every_format_that_has_text(tmp_path: Path) -> None:
+    when = [f"2026-03-12T14:22:{59 + i / 4:09.6f}" for i in range(4)]
+    rows = [{"when": t, "x": 1.0} for t in when]
+    (tmp_path / "a.json").write_text(json.dumps(rows))
+    (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    pq.write_table(pa.table({"when": when, "x": np.ones(4)}), tmp_path / "a.parquet")
+    np.savez(tmp_path / "a.npz", when=when, x=np.ones(4))
+    for suffix in (".json", ".jsonl", ".parquet", ".npz"):
+        assert np.allclose(formats.read(tmp_path / f"a{suffix}").columns["when"], [0.0, 0.25, 0.5, 0.75])
+
+
+def test_a_sample_keeps_its_number_where_others_are_left_out() -> None:
+    table = formats.Table({"x": np.arange(9.0)})
+    assert table.place(3) == "sample 3"
+    assert table.rows(slice(2, 8)).rows(np.arange(6) > 2).place(1) == "sample 6"
 
 
 @pytest.mark.parametrize("suffix", [".json", ".jsonl"])

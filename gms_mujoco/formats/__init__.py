@@ -52,6 +52,7 @@ class Table:
         remarks: what stands above the names of the columns, and may say a unit.
         quantities: of columns that are a response and of which the file says it, what over what, as in ("velocity",
             "torque"); "" for what it does not say.
+        samples: (n,) number of each sample in the file, counted from 0; None where all are here.
     """
 
     columns: Mapping[str, Array]
@@ -63,6 +64,7 @@ class Table:
     texts: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     quantities: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    samples: NDArray[np.int64] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -132,11 +134,16 @@ class Table:
 
         columns = {k: some(v) for k, v in self.columns.items()}
         texts = {k: some(v) for k, v in self.texts.items()}
-        return replace(self, columns=columns, texts=texts, lines=None if self.lines is None else some(self.lines))
+        size = len(here) if isinstance(here, np.ndarray) else max(map(len, self.columns.values()))
+        samples = np.arange(size) if self.samples is None else self.samples
+        lines = None if self.lines is None else some(self.lines)
+        return replace(self, columns=columns, texts=texts, lines=lines, samples=some(samples))
 
     def place(self, sample: int) -> str:
         """Where a sample stands in the file, for messages: "line 7", or "sample 5" counted from 0."""
-        return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
+        if self.lines is not None:
+            return f"line {self.lines[sample]}"
+        return f"sample {sample if self.samples is None else self.samples[sample]}"
 
 
 def some_of(values: NDArray[Any]) -> str:
@@ -230,6 +237,8 @@ def unpack(arrays: Mapping[str, object]) -> Table:
         array = np.asarray(value)
         if array.dtype.kind in "mM" and array.ndim == 1:
             array = stamps.from_numpy(array)
+        if array.dtype.kind == "U" and array.ndim == 1 and (seconds := stamps.from_strings(array.tolist())) is not None:
+            array = seconds
         if array.dtype.kind not in "bifuc":
             unusable[name] = "it holds no numbers"
         elif array.size < 2:

@@ -3,11 +3,13 @@
 The list is the document itself or its "entries" (the layout in which users of Rhoban's BAM log their servos), or the
 lines of a `.jsonl`; a document of equally long lists is read as columns. Single numbers beside them are no columns.
 What stands inside a field is a column by its path, "motors.elbow.position", of a list by its place, "position.0". A
-null is what pandas writes for a number that is missing, and NaN here too.
+null is what pandas writes for a number that is missing, and NaN here too, as is a field that a sample lacks. Text that
+is dates or times of day is seconds (see stamps.py).
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,12 +19,11 @@ import numpy as np
 
 from ..errors import DataError
 from ..files import write_text
-from . import Array, Table
+from . import Array, Table, stamps
 
 SUFFIXES = (".json", ".jsonl")
 _LINES = ".jsonl"
 _MOST_PLACES = 64  # of a list inside a sample: joints, not samples
-_ABSENT = ...  # in the place of a field that a sample lacks: no JSON is that
 
 
 def read(path: Path) -> Table:
@@ -43,7 +44,7 @@ def read(path: Path) -> Table:
         if not all(isinstance(e, dict) for e in entries):
             raise DataError(f"{path}: every sample must be an object with named fields")
         flat = [_flat(e) for e in entries]
-        lists: dict[str, list[Any]] = {k: [e.get(k, _ABSENT) for e in flat] for k in (flat[0] if flat else {})}
+        lists: dict[str, list[Any]] = {k: [e.get(k) for e in flat] for k in dict.fromkeys(itertools.chain(*flat))}
     elif isinstance(document, dict):
         lists = {k: v for k, v in document.items() if isinstance(v, list)}
     else:
@@ -52,6 +53,8 @@ def read(path: Path) -> Table:
         wrong = next((i for i, v in enumerate(values) if not isinstance(v, int | float | None)), None)
         if wrong is None:
             columns[name] = np.array([np.nan if v is None else float(v) for v in values])
+        elif (seconds := stamps.from_strings(values)) is not None:
+            columns[name] = seconds
         else:
             unusable[name] = f"sample {wrong}: {_short(values[wrong])} is not a number"
     return Table(columns, unusable)
@@ -75,5 +78,5 @@ def _flat(value: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 
 
 def _short(value: Any) -> str:
-    text = "nothing" if value is _ABSENT else repr(value)
+    text = repr(value)
     return text if len(text) < 40 else text[:37] + "..."

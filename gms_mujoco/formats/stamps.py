@@ -66,9 +66,19 @@ def from_text(texts: pa.ChunkedArray) -> Array | None:
     return seconds
 
 
+def from_strings(values: Sequence[object]) -> Array | None:
+    """(n,) [s] from the first of texts, nan where there is none; None where one is no text, or no time stamp."""
+    if not all(isinstance(v, str | None) for v in values):
+        return None
+    return from_text(pa.chunked_array([pa.array([v or "" for v in values], pa.string())]))
+
+
 def from_arrow(column: pa.ChunkedArray) -> Array | None:
-    """(n,) [s] of a column of time stamps or times of day, from the first, or of durations; None of any other type."""
+    """(n,) [s] of a column of time stamps or times of day, or of such as text, from the first, or of durations; None of
+    any other type."""
     kind = column.type
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        return from_text(pc.fill_null(pc.cast(column, pa.string()), ""))
     if not (pa.types.is_timestamp(kind) or pa.types.is_time(kind) or pa.types.is_duration(kind)):
         return None
     valid = pc.is_valid(column).to_numpy().astype(bool)

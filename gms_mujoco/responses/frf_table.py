@@ -351,7 +351,8 @@ def _check(table: Table, raw: Mapping[str, tuple[Array, str]], per_line: bool) -
             if len(bad):
                 expected = why_unusable(values[bad[0]]) if right is large else "not a positive amplitude"
                 place = f"line {int(at) + 1}, number {bad[0] + 1}" if per_line else table.place(int(bad[0]))
-                raise DataError(f"{place}: {key} is {values[bad[0]]}, {expected} ({len(bad)} such)")
+                raise DataError(f"{place}: {key} is {values[bad[0]]}, {expected} ({len(bad)} such); leave "
+                                f"{'them' if len(bad) > 1 else 'it'} out of the file")
 
 
 def _response(raw: Mapping[str, tuple[Array, str]], found: Mapping[str, str]) -> Complex:
