@@ -269,6 +269,19 @@ def test_an_optional_column_without_numbers_does_not_matter_and_one_with_few_say
 def test_a_dataset_toml_of_a_text_editor_of_windows_is_read(tmp_path: Path) -> None:
     assert len(dataset(tmp_path, "\ufeff" + AXIS + RECORD).records) == 2
     refuses(tmp_path, AXIS + RECORD.replace("run", "c:\\logs\\run"), "not TOML", "write / in the place of")
+    refuses(tmp_path, AXIS + RECORD.replace("run", "data\\run"), r"file = 'data\run.csv'", "write / in its place")
+
+
+def test_a_clock_in_another_unit_than_its_header_says_is_doubted(tmp_path: Path) -> None:
+    raw = {"time [ms]": TIME, "torque": RUN["torque"], "position": RUN["position"]}
+    notes = dataset(tmp_path, AXIS + RECORD, **raw).notes
+    assert any('in s (1000 rows a second), say units = { time = "s" }' in note for note in notes)
+
+
+def test_what_is_missing_is_told_with_what_may_stand_in_its_place(tmp_path: Path) -> None:
+    refuses(tmp_path, AXIS + RECORD, "current = ... in the place of torque", time=TIME, iq=TIME, position=TIME)
+    refuses(tmp_path, AXIS + RECORD, "current = ... in the place of torque", a=TIME, b=TIME, position=TIME)
+    refuses(tmp_path, "[axis]\nfoo = 1\n" + RECORD, "unknown key axis.foo", "controller")
 
 
 def test_frequency_responses_come_beside_records_or_alone(tmp_path: Path) -> None:

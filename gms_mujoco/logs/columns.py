@@ -25,6 +25,7 @@ _BEHIND_A_BAR = re.compile(r"(?:_|\s*[/,]\s*)([^\s_,/]+(?:/[a-z]+)?)\s*$")  # "t
 _PARTS = re.compile(r"(?<=[\W_])[^\W_]{2,}|(?<=[a-z])[A-Z][a-z]+$")  # "q_deg_filtered", "position in deg", "PosDeg"
 _WORDS = ("in", "d", "h", "m", "N")  # behind a bar they are more often no units
 _INSIDE = ("min", "rev", "turn", "inc", "count", "counts")  # inside a name they are
+_OR_CURRENT = ", of a current current = ... in the place of torque"
 _MANY = 20  # different whole numbers, which are no radians or metres
 _COARSE = 0.02  # of the stamps of a clock repeat the one before
 _SPARSE = 0.5  # of the rows of the position, that a column of the same source has at least
@@ -186,6 +187,7 @@ def expect_found(table: formats.Table, wanted: Mapping[str, str]) -> None:
     if len(missing) > 1:
         choice = ", ".join(f"{key} = ..." for key in missing)
         rate = "; a file without time takes rate = ... [Hz]" if "time" in missing else ""
+        rate = _OR_CURRENT + rate if "torque" in missing else rate
         raise DataError(f"no columns called {', '.join(missing)}; the file has {listing(table.columns)}; name them "
                         f"with columns = {{ {choice} }}{rate}")
 
@@ -208,6 +210,7 @@ def column(table: formats.Table, label: str, at: Any, guessed: str | None = None
         raise DataError(f"column {at!r}: {table.unusable[at]}")
     if at not in table.columns:
         hint = f"; name it with columns = {{ {guessed} = ... }}" if guessed else ""
+        hint += _OR_CURRENT if guessed == "torque" else ""
         hint += ", or give rate = ... [Hz] where the file has none" if guessed == "time" else ""
         raise DataError(f"no column {at!r} for {label.removeprefix('columns.')}; "
                         f"the file has {listing(table.columns)}{hint}")
@@ -452,6 +455,9 @@ def file_and_use(entry: Mapping[str, Any], keys: tuple[str, ...], where: str) ->
     name, use = entry.get("file"), entry.get("use", "fit")
     if not isinstance(name, str) or not name:
         raise DataError(f"{where}: file must be the name of a file; {name!r} given")
+    if any(c < " " for c in name):
+        raise DataError(f"{where}: file = {name!r} has a character that no name has, as a \\ in quotes makes one; "
+                        "write / in its place")
     if use not in USES:
         raise DataError(f"{where} ({name}): use must be one of {listing(USES)}; {use!r} given")
     return name, use

@@ -44,7 +44,7 @@ class Axis:
     """
 
     def __init__(self, table: Mapping[str, Any], folder: Path, joint: str | None) -> None:
-        expect_known(table, _KEYS, "axis.")
+        expect_known(table, (*_KEYS, "controller"), "axis.")  # one with a controller is no `Axis`
         self.names = joint_names(table)
         self.robot = self._robot(table, folder, joint)
         name = self.robot.joint if self.robot else ""

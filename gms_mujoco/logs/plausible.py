@@ -16,13 +16,16 @@ from ..frf import FRF
 from ..identification.inverse import Observation
 from ..plant import Plant
 from ..record import Record
-from . import timing
 from .slow_signal import Readings
 
 Array = NDArray[np.float64]
 
 _ALIKE = 0.8  # squared correlation of two signals that are one in two units
 _OTHER_UNIT = 1.5  # times; by less a filter may weaken a velocity
+_EXACTLY = 0.02  # of a factor between two units
+_SPEEDS = {"hinge": {"rpm": 30 / math.pi, "deg/s": 180 / math.pi, "rps": 0.5 / math.pi},
+           "slide": {"mm/s": 1e3, "cm/s": 1e2, "um/s": 1e6}}  # times rad/s or m/s
+_PLACES = {"hinge": {"deg": 180 / math.pi, "rev": 0.5 / math.pi}, "slide": {"mm": 1e3, "cm": 1e2, "um": 1e6}}
 _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and in those around: no motion
 _MOST = 0.9  # of the samples in which an axis moves
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
@@ -228,11 +231,8 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     said: list[str] = []
     unit = "kg m^2" if kind == "hinge" else "kg"
     for r in records:
-        if doubt := timing.clock(r.time):
-            said.append(f"{r.name}: {doubt}")
         if (factor := _of_velocity(r)) is not None:
-            said.append(f"{r.name}: the velocity is {factor:.3g} times the slope of the position; is its unit "
-                        f"{'rpm or deg/s' if kind == 'hinge' else 'mm/s'}? Say it with units = {{ velocity = ... }}")
+            said.append(f"{r.name}: the velocity is {factor:.3g} times the slope of the position{_why(factor, kind)}")
         if np.ptp(r.torque) == 0 and r.torque[0]:
             said.append(f"{r.name}: the torque is {r.torque[0]:.4g} throughout; is it the right column?")
         if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
@@ -358,6 +358,21 @@ def _of_velocity(record: Record) -> float | None:
         return None
     factor = square / float(v @ slope)
     return None if 1 / _OTHER_UNIT < factor < _OTHER_UNIT else factor
+
+
+def _why(factor: float, kind: str) -> str:
+    """What a velocity so many times the slope of the position may be, for the end of a sentence."""
+    size = abs(factor)
+    unit = next((u for u, times in _SPEEDS[kind].items() if abs(size / times - 1) < _EXACTLY), "")
+    if unit:
+        why = f'; is its unit {unit}? Say it with units = {{ velocity = "{unit}" }}'
+    elif (where := next((u for u, times in _PLACES[kind].items() if abs(size * times - 1) < _EXACTLY), "")):
+        why = f'; is the unit of the position {where}? Say it with units = {{ position = "{where}" }}'
+    elif 1 / _OTHER_UNIT < size < _OTHER_UNIT:
+        return "; one of them counts the other way: scale with a minus turns it round"
+    else:
+        why = f"; is it of the other side of a gear of {max(size, 1 / size):.3g} to 1, or in another unit?"
+    return why + " And one of them counts the other way" * (factor < 0)
 
 
 def _rough(records: Sequence[Record]) -> tuple[float, float, float] | None:

@@ -48,7 +48,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
         episode, span, sensed = entry.get("episode"), entry.get("span"), entry.get("sensed")
         where = subtable(entry, "where")
         table = table.episode(episode).where(where)
-        signals, clock_said, notes = _in_si(table, entry, axis)
+        signals, counted_in, notes = _in_si(table, entry, axis)
         if sensed not in (None, True, False):
             raise DataError(f"sensed must be true (the torque was read as the position is) or false; {sensed!r} given")
         by_current = "current" in signals
@@ -67,9 +67,11 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
             notes.append(note)
         _expect_one_axis(table, signals)
         columns.check(table, signals)
-        if not clock_said:
+        if counted_in is None:
             timing.expect_clock(signals["time"])
             notes.append(timing.doubt(signals["time"]))
+        else:
+            notes.append(timing.clock(signals["time"], counted_in))
         if sensed:
             signals, table, note = _as_read("torque", signals, table)
             notes.append(note)
@@ -141,9 +143,9 @@ def _finer(declared: float | None, seen: float, kind: str) -> str | None:
 
 def _in_si(
     table: formats.Table, entry: Mapping[str, Any], axis: Axis
-) -> tuple[dict[str, Array], bool, list[str | None]]:
-    """The signals of a record, with the positions of other joints; whether anybody says the unit of its time; and
-    sentences on units that the file states, and on a load in one of its own."""
+) -> tuple[dict[str, Array], float | None, list[str | None]]:
+    """The signals of a record, with the positions of other joints; what its time is counted in [s] where anybody says
+    it, 0 with a rate; and sentences on units that the file states, and on a load in one of its own."""
     chosen, elsewhere = columns.of_joint(subtable(entry, "columns"), "columns", axis.joint)
     _expect_a_column_for_each(chosen, entry, axis)
     unit, other_units = columns.of_joint(subtable(entry, "units"), "units", axis.joint)
@@ -177,7 +179,10 @@ def _in_si(
         )  # fmt: skip
     note = columns.as_stated(signals, stated, axis.joint, dict.fromkeys(joints, "position"), joints)
     note = note or columns.remarked(table, {**unit, **scale, **stated}, axis.joint.kind)
-    return signals, bool({"time", "rate"} & {*said, *entry}), [note, own, of_current if kind else None]
+    counted_in = 0.0 if "rate" in entry else said.get("time")
+    if isinstance(counted_in, str):
+        counted_in = units.into_si(counted_in, "time", axis.joint.kind, None)[0]
+    return signals, counted_in, [note, own, of_current if kind else None]
 
 
 def _expect_a_column_for_each(chosen: Mapping[str, Any], entry: Mapping[str, Any], axis: Axis) -> None:

@@ -46,13 +46,18 @@ def within(time: Array, span: Any) -> NDArray[np.bool_]:
     return np.asarray(~outside)
 
 
-def clock(time: Array) -> str | None:
-    """A doubt about times (n,) [s] that no log of a joint has."""
+def clock(time: Array, counted_in: float = 1.0) -> str | None:
+    """A doubt about times (n,) [s] that no log of a joint has.
+
+    Args:
+        counted_in: what the file counts its time in [s]; 0 where time is counted by a rate.
+    """
     step = float(np.median(np.diff(time)))
     if _FAST < step <= _SLOW:
         return None
-    likely = [u for u, size in _CLOCKS.items() if _FAST < size * step <= _SLOW]
-    each = ", or ".join(f'in {u} ({1 / (_CLOCKS[u] * step):.4g} rows a second)' for u in likely)
+    raw = step / counted_in if counted_in else 0.0
+    likely = [u for u, size in {"s": 1.0, **_CLOCKS}.items() if _FAST < size * raw <= _SLOW]
+    each = ", or ".join(f'in {u} ({1 / (_CLOCKS.get(u, 1.0) * raw):.4g} rows a second)' for u in likely)
     asked = f'; if its time is {each}, say units = {{ time = "{likely[0]}" }}' if likely else ""
     counted = "; if it counts rows, say rate = ... [Hz] in the place of a column" if np.all(np.diff(time) == 1) else ""
     return f"samples are {step:g} s apart{asked}{counted}"

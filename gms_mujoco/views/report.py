@@ -175,7 +175,7 @@ def _candidates(facts: dict[str, Any], score: Score) -> str:
 
 
 def _data(facts: dict[str, Any]) -> str:
-    lines = "".join(f"<li>{escape(_upper(line))}</li>" for line in facts.get("data") or [])
+    lines = "".join(f"<li>{escape(line)}</li>" for line in facts.get("data") or [])
     return f"<section><h2>The measurements</h2><ul>{lines}</ul></section>" if lines else ""
 
 

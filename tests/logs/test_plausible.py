@@ -155,11 +155,16 @@ def test_a_torque_that_never_changes_and_an_axis_that_hardly_moves_are_doubted(t
 
 def test_a_velocity_in_another_unit_than_the_position_is_doubted(tmp_path: Path) -> None:
     slope = np.gradient(RUN.position, RUN.sample_time)
-    for factor, doubted in ((1.0, False), (0.9, False), (30 / np.pi, True)):
+    for factor, doubt in (
+        (1.0, ""), (0.9, ""), (30 / np.pi, 'units = { velocity = "rpm" }'), (180 / np.pi, 'velocity = "deg/s"'),
+        (np.pi / 180, 'units = { position = "deg" }'), (-1.0, "one of them counts the other way"),
+        (10.0, "a gear of 10 to 1"), (-0.02, "a gear of 50 to 1, or in another unit? And one of them counts"),
+    ):  # fmt: skip
         columns = {"time": RUN.time, "torque": RUN.torque, "position": RUN.position, "velocity": factor * slope}
         formats.write(tmp_path / "run.csv", columns)
         (tmp_path / "dataset.toml").write_text('[axis]\n[[record]]\nfile = "run.csv"\nuse = "fit"\n')
-        assert ("rpm or deg/s" in " ".join(load(tmp_path).notes)) is doubted
+        notes = " ".join(load(tmp_path).notes)
+        assert doubt in notes and ("times the slope" in notes) is bool(doubt)
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1 / 86400, "d")])
