@@ -212,9 +212,10 @@ def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
     from .elements import choose_elements
     from .fit import baseline, fit
+    from .identification.starts import LAWS
     from .identification.undetermined import by_experiment
 
-    output = files.expect_writable(options.output)
+    output = _expect_suffix(options.output, ".toml")
     count = options.elements
     if count not in (None, "auto") and not (count.isdecimal() and 0 < int(count) <= _MOST_ELEMENTS):
         raise ModelError(f"--elements must be auto or a number from 1 to {_MOST_ELEMENTS}; {count!r} given")
@@ -227,6 +228,9 @@ def _fit(options: argparse.Namespace) -> None:
     if count is not None and "gms" not in plant:
         names = listing(e.name for e in plant.effects)
         raise ModelError(f"--elements is of gms, which is not among the effects; they are {names}")
+    if len(laws := [name for name in LAWS if name in plant]) > 1:
+        print(f"{PROGRAM}: warning: {listing(laws)} are each a law of all the friction, and data can hardly tell what "
+              "is whose; one of them is enough", file=sys.stderr)
     auto = count == "auto" or (count is None and runs.frfs and not runs.records and "gms" in plant)
     with Bar() as bar:
         result = (choose_elements if auto else fit)(plant, runs.fit, progress=bar)
@@ -262,7 +266,8 @@ def _compare(options: argparse.Namespace) -> None:
               f"noise floor {score.told(pooled['noise_floor'])}")
     if page:
         files.write_text(page, render_comparison(scores, Path(options.model).stem))
-        print(f"wrote {page}")
+    for written in filter(None, (output, page)):
+        print(f"wrote {written}")
 
 
 def _diagnose(options: argparse.Namespace) -> None:
@@ -284,6 +289,8 @@ def _diagnose(options: argparse.Namespace) -> None:
         files.write_text(extra, as_json(result.to_dict()))
     print(result)
     _say_results(folder)
+    if extra:
+        print(f"wrote {extra}")
 
 
 def _fleet(options: argparse.Namespace) -> None:
@@ -318,7 +325,7 @@ def _frf(options: argparse.Namespace) -> None:
     from .frf import estimate_frf, join_sines, to_csv
     from .responses.resonance import antiresonances, find_resonance
 
-    output = files.expect_writable(options.output) if options.output else None
+    output = _expect_suffix(options.output, ".csv") if options.output else None
     for key in ("period", "segment"):
         if getattr(options, key) is not None and not 0 < getattr(options, key) < math.inf:
             raise DataError(f"--{key} must be a positive number of seconds; {getattr(options, key):g} given")
@@ -384,7 +391,7 @@ def _reading(reading: DahlReading, kind: str) -> str:
 def _attach(options: argparse.Namespace) -> None:
     from .engine import attach
 
-    output = files.expect_writable(options.output)
+    output = _expect_suffix(options.output, ".xml")
     files.expect_apart([output], [options.model, options.robot])
     plant = Plant.load(options.model)
     spec = attach(options.robot, {name: plant for name in options.joint})

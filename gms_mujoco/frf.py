@@ -196,7 +196,8 @@ def to_csv(frfs: Sequence[FRF]) -> str:
     """Responses as a table with a row per point; they are numbered from 1, and comments give their names.
 
     Columns: response, frequency [Hz], magnitude [abs], phase [rad] and, where one has them, coherence, sigma,
-    excitation, amplitude and sine (1 or 0). Magnitudes are in the unit that the comment states. [[frf]] reads it back.
+    excitation, amplitude and sine (1 or 0). Magnitudes are in the unit that the comment states. The header has the
+    units of excitation and amplitude where all responses have the same. [[frf]] reads it back.
     """
     optional = ("coherence", "sigma", "excitation", "amplitude", "sine")
     extra = [k for k in optional if any(getattr(f, k) is not None for f in frfs)]
@@ -205,7 +206,13 @@ def to_csv(frfs: Sequence[FRF]) -> str:
         what = f"{f.output} over {f.input} [{f.unit}]"
         told = [note.removeprefix(what).strip() for note in f.notes]  # of a file they begin with it
         lines.append(" ".join(f"# {i}: {f.name}: {'; '.join([what, *told])}".split()))
-    lines.append(",".join(["response", "frequency [Hz]", "magnitude [abs]", "phase [rad]", *extra]))
+    heads = ["response", "frequency [Hz]", "magnitude [abs]", "phase [rad]"]
+    inputs = {drive_unit(f.input, f.kind) for f in frfs}
+    outputs = {response_unit("reference", f.output, f.kind) for f in frfs}
+    for key in extra:
+        found = {"excitation": inputs, "amplitude": outputs}.get(key, ())
+        heads.append(f"{key} [{listing(found)}]" if len(found) == 1 else key)
+    lines.append(",".join(heads))
     for i, f in enumerate(frfs, 1):
         columns: list[list[Any]] = [x.tolist() for x in (f.frequency, np.abs(f.response), np.angle(f.response))]
         for value in (getattr(f, k) for k in extra):

@@ -326,6 +326,9 @@ class Plant:
         """
         preset = MODELS / f"{path}.toml"
         path = preset if preset.is_file() else Path(path)
+        if path.is_dir():
+            set_ = "a measurement set" if (path / "dataset.toml").is_file() else "a folder"
+            raise ModelError(f"{path}: is {set_}; expected a plant, a model.toml or the name of one of the package")
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         except FileNotFoundError:

@@ -72,7 +72,16 @@ def test_fit_then_compare(small_set: Path, tmp_path: Path, capsys: pytest.Captur
     assert {r["use"] for r in table["records"]} == set(table["by_use"]) == {"fit", "validate"}
     for pooled in (table, *table["records"], *table["by_use"].values()):
         assert 0 < pooled["torque_error"] < 0.5 and pooled["simulation_error"] > 0
-    assert table["simulation_window_s"] > 0 and "pooled" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert table["simulation_window_s"] > 0 and "pooled" in said and f"wrote {scores}\nwrote {page}\n" in said
+
+
+def test_two_laws_of_friction_are_warned_of(
+    small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["fit", str(small_set), "--effects", "stribeck,frictionloss", "-o", str(tmp_path / "model.toml")]
+    assert cli.main(argv) == 0
+    assert "warning: frictionloss, stribeck are each a law of all the friction" in capsys.readouterr().err
 
 
 def test_attach_writes_a_model_that_loads_with_its_friction(
@@ -133,7 +142,7 @@ def test_python_m_is_the_same_program(tmp_path: Path) -> None:
 
 def test_bad_sets_are_one_line(tmp_path: Path, model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    refuses(capsys, "nowhere", argv=["fit", tmp_path / "nowhere", "-o", out])
+    refuses(capsys, "nowhere", argv=["fit", tmp_path / "nowhere", "-o", tmp_path / "out.toml"])
     refuses(capsys, "no dataset.toml", argv=["diagnose", tmp_path, "-o", out])
     (tmp_path / "dataset.toml").write_text("[axis]\ninertia = -1\n")
     refuses(capsys, "dataset.toml", "axis.inertia", argv=["compare", model, tmp_path])
@@ -142,6 +151,7 @@ def test_bad_sets_are_one_line(tmp_path: Path, model: Path, capsys: pytest.Captu
 
 def test_bad_models_are_one_line(model: Path, small_set: Path, capsys: pytest.CaptureFixture[str]) -> None:
     refuses(capsys, "none.toml", "no such file", argv=["compare", "none.toml", small_set])
+    refuses(capsys, "is a measurement set; expected a plant", argv=["compare", small_set, model])
     for text, word in {
         "[effects.frictoin]\n": "frictoin",
         "[axis]\ninertia = 0\n": "inertia",
@@ -156,15 +166,15 @@ def test_bad_models_are_one_line(model: Path, small_set: Path, capsys: pytest.Ca
 def test_unknown_effects_and_joints_are_named(
     model: Path, robot: Path, small_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out.xml"
-    refuses(capsys, "'frictoin'", "viscous", argv=["fit", small_set, "--effects", "gms,frictoin", "-o", out])
-    refuses(capsys, "--effects names none", argv=["fit", small_set, "--effects", ",", "-o", out])
+    out, found = tmp_path / "out.xml", tmp_path / "out.toml"
+    refuses(capsys, "'frictoin'", "viscous", argv=["fit", small_set, "--effects", "gms,frictoin", "-o", found])
+    refuses(capsys, "--effects names none", argv=["fit", small_set, "--effects", ",", "-o", found])
     refuses(capsys, "'knee'", "elbow", argv=["attach", model, robot, "--joint", "knee", "-o", out])
     refuses(capsys, "'ball'", argv=["attach", model, robot, "--joint", "ball", "-o", out])
     refuses(capsys, "none.xml", argv=["attach", model, "none.xml", "--joint", "elbow", "-o", out])
     robot.write_text("<mujoco><worldbody>")
     refuses(capsys, "robot.xml", argv=["attach", model, robot, "--joint", "elbow", "-o", out])
-    assert not out.exists()
+    assert not out.exists() and not found.exists()
 
 
 def test_a_place_that_cannot_be_written_is_told_before_the_work(
@@ -179,13 +189,11 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
 @pytest.mark.parametrize(
     "argv",
     [
-        "fit SET -o SET/fit.csv",
         "fit SET -o SET/dataset.toml",
         "compare SET/model.toml SET --json SET/model.toml",
         "compare SET/model.toml SET --report SET/link.html",
         "frf SET -o SET/validate.csv",
         "attach SET/model.toml SET/robot.xml --joint elbow -o SET/robot.xml",
-        "attach SET/model.toml SET/robot.xml --joint elbow -o SET/model.toml",
         "diagnose SET --model SET/model.toml -o SET",
         "diagnose SET -o SET/out --json SET/dataset.toml",
         "fleet SET --verb bootstrap --model SET/model.toml -o SET",
@@ -221,6 +229,9 @@ def test_two_results_go_into_two_files(
         ("compare MODEL SET --json EMPTY", "json is empty; expected a name"),
         ("diagnose SET -o EMPTY", "output is empty; expected a name"),
         ("compare MODEL SET --report page.png", "page.png: expected the name of a .html file"),
+        ("fit SET -o out.json", "out.json: expected the name of a .toml file"),
+        ("frf SET -o out.json", "out.json: expected the name of a .csv file"),
+        ("attach MODEL robot.xml --joint elbow -o out.urdf", "out.urdf: expected the name of a .xml file"),
         ("fit SET --effects coulomb,viscous,coulomb -o out.toml", "--effects names coulomb twice"),
         ("fit SET --effects coulomb --elements 3 -o out.toml", "--elements is of gms, which is not among the effects"),
     ],
@@ -292,6 +303,7 @@ def test_frf_prints_resonances_and_reads_friction(tmp_path: Path, capsys: pytest
     printed = capsys.readouterr().out
     assert "level_0_4.csv and 8 more" in printed and "resonance [Hz]" in printed and "elements, stiffness" in printed
     assert out.read_text().count("\n") == 3 + 1 + 27 and "frequency [Hz]" in out.read_text()
+    assert ",excitation [N m],amplitude [rad],sine\n" in out.read_text()
 
 
 def test_frf_of_a_closed_loop_is_the_indirect_one_where_its_reference_was_logged(tmp_path: Path) -> None:
