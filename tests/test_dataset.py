@@ -123,7 +123,7 @@ def test_what_a_header_states_is_read_and_said(head: str, tmp_path: Path) -> Non
     refuses(tmp_path, slide, "the file states a unit of", "slide joint", "scale")
 
 
-@pytest.mark.parametrize("word", ["elbow", "motor 1", "J1", "actual", "act", "2", "hip", "raw", "left arm"])
+@pytest.mark.parametrize("word", ["elbow", "motor 1", "J1", "actual", "act", "2", "hip", "left arm", "UTC", "q"])
 def test_a_name_in_brackets_that_is_no_unit_does_not_matter(word: str, tmp_path: Path) -> None:
     name = f"torque [{word}]"
     text = AXIS + RECORD + f'use = "fit"\ncolumns = {{ torque = "{name}" }}\n'
@@ -133,7 +133,7 @@ def test_a_name_in_brackets_that_is_no_unit_does_not_matter(word: str, tmp_path:
     refuses(tmp_path, text, "torque has whole numbers only", **whole)
 
 
-@pytest.mark.parametrize("unit", ["%", "% Mn", "%rated", "Mp", "V", "UU", "0.1%", "Umdr", "percent", "Nm/A", "Ohm"])
+@pytest.mark.parametrize("unit", ["%", "% Mn", "%rated", "Mp", "V", "UU", "0.1%", "Umdr", "percent", "Nm/A", "Nm act"])
 def test_a_unit_that_nobody_knows_is_refused_and_the_line_says_what_to_do(unit: str, tmp_path: Path) -> None:
     text = AXIS + RECORD + 'use = "fit"\n'
     raw = {"time": TIME, f"torque [{unit}]": RUN["torque"], "position (rad)": RUN["position"]}
@@ -270,6 +270,7 @@ def test_a_dataset_toml_of_a_text_editor_of_windows_is_read(tmp_path: Path) -> N
     assert len(dataset(tmp_path, "\ufeff" + AXIS + RECORD).records) == 2
     refuses(tmp_path, AXIS + RECORD.replace("run", "c:\\logs\\run"), "not TOML", "write / in the place of")
     refuses(tmp_path, AXIS + RECORD.replace("run", "data\\run"), r"file = 'data\run.csv'", "write / in its place")
+    refuses(tmp_path, '[axis]\nmodel = "robots\\tall.xml"\njoint = "a"\n' + RECORD, r"axis.model = 'robots\tall.xml'")
 
 
 def test_a_clock_in_another_unit_than_its_header_says_is_doubted(tmp_path: Path) -> None:

@@ -104,6 +104,8 @@ def test_a_log_of_a_servo_is_read_with_the_care_of_any_other(tmp_path) -> None:
     counted = table(tmp_path, "time,goal,position", t, *ticks, axis="encoder_counts_per_rev = 4096\n",
                     more=more + 'units = { goal = "counts", position = "counts" }\n')  # fmt: skip
     timed = table(tmp_path, "goal,position", goal, q, more=more + "rate = 100\n")
+    with pytest.raises(DataError, match=r"rate = 50 \[Hz\], but the time of the file says 100 rows a second"):
+        table(tmp_path, "time,goal,position", t, goal, q, more=more + "rate = 50\n")
     assert "time in ms, " in units.notes[0]
     for runs, zero in ((units, 0.0), (counted, np.pi), (timed, 0.0)):
         np.testing.assert_allclose(runs.fit[0].time, plain.time, atol=1e-12)

@@ -455,12 +455,17 @@ def file_and_use(entry: Mapping[str, Any], keys: tuple[str, ...], where: str) ->
     name, use = entry.get("file"), entry.get("use", "fit")
     if not isinstance(name, str) or not name:
         raise DataError(f"{where}: file must be the name of a file; {name!r} given")
-    if any(c < " " for c in name):
-        raise DataError(f"{where}: file = {name!r} has a character that no name has, as a \\ in quotes makes one; "
-                        "write / in its place")
+    expect_name(name, f"{where}: file")
     if use not in USES:
         raise DataError(f"{where} ({name}): use must be one of {listing(USES)}; {use!r} given")
     return name, use
+
+
+def expect_name(name: str, key: str) -> None:
+    """Raises DataError where the name of a file under a key has what a backslash between quotes makes in TOML."""
+    if any(c < " " for c in name):
+        raise DataError(f"{key} = {name!r} has a character that no name has, as a \\ in quotes makes one; write / in "
+                        "its place")
 
 
 def number(table: Mapping[str, Any], key: str, where: str, unit: str) -> Any:

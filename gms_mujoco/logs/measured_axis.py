@@ -99,6 +99,7 @@ class Axis:
             return None
         if not isinstance(table["model"], str):
             raise DataError(f"axis.model must be the name of an MJCF file; {table['model']!r} given")
+        columns.expect_name(table["model"], "axis.model")
         if not self.names:
             raise DataError("axis.model needs axis.joint, the name of a joint or a list of names")
         if joint is None and len(self.names) > 1:

@@ -66,7 +66,7 @@ _NO_FACTORS = frozenset(("percent", "permille", "promille", "prozent", "volts", 
 _LABEL = re.compile(  # a short word in brackets that says which signal it is, or of what, and not how much
     "act|set|ref|cmd|des|raw|fbk?|meas|est|filt|lp|avg|mean|max|min|abs|rel|ist|soll|in|out|new|old|main|aux|test|sim|"
     "real|data|log|sp|pv|arm|leg|hip|knee|foot|toe|hand|neck|head|base|pan|tilt|roll|yaw|axis|ax|jnt|link|lead|left|"
-    "lhs|rhs|load|side|[xyz]|ch|n/a|none|nan|null"
+    "lhs|rhs|load|side|mot|enc|ff|pid|[xyzq]|iq|dq|ch|n/a|none|nan|null|utc|gmt|cest|cet|mez|iso"
 )
 
 
@@ -74,8 +74,11 @@ def may_be(text: str, column: str) -> bool:
     """Whether what stands in brackets beside a column is its unit, known or not, and no word about the column."""
     if is_unit(text) or measures(text, column) or _ONLY_IN_UNITS.search(text):
         return True
-    words = {text.lower(), *re.findall(r"[^\W\d_]+", text.lower())}
-    return bool(words & _NO_FACTORS) or (_SHORT.fullmatch(text) is not None and not any(map(_LABEL.fullmatch, words)))
+    words = [text, *re.findall(r"[^\W\d_]+", text)]
+    labels = [w for w in words if _LABEL.fullmatch(w.lower())]
+    if any(w.lower() in _NO_FACTORS or (len(w) > 1 and w not in labels and measures(w, column)) for w in words):
+        return True
+    return not labels and _SHORT.fullmatch(text) is not None
 
 
 def kind_of_current(unit: str) -> str:

@@ -381,7 +381,7 @@ def test_an_frd_of_python_control_is_a_response() -> None:
         (rows("f [Hz],magnitude [dB],phase [rad]", F, 1e4 * MAG, ARG), "", ["is it abs"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", -F, MAG, ARG), "", ["positive"]),
         (rows("f [Hz],magnitude [abs],phase [rad]", F, MAG * np.where(F > 100, np.nan, 1), ARG), "",
-         ["line", "magnitude is nan"]),
+         ["line", "magnitude is nan", "leave them out of the file"]),
         (rows("f [Hz],magnitude [abs],phase [rad],excitation", F, MAG, ARG, np.arange(len(F)) - 2.0), "",
          ["line 2: excitation is -2.0, not a positive amplitude (3 such)"]),
         (rows("f [Hz],magnitude [abs],phase [rad],excitation", F, MAG, ARG, np.arange(len(F))[::-1]), "",
