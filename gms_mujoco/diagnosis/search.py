@@ -290,17 +290,17 @@ class Search:
         return trials
 
     def _limit_instead(self, ends: list[Rough], rough: Sequence[Rough]) -> list[Rough]:
-        """The same rough fits; where the first plays, and what it is without a play comes down to the noise floor, that
-        in its place. There is nothing that the play would have to say, and each look at one is long."""
-        name, *_ = ends[0] if ends else ("",)
-        current = self.steps[-1].result
-        for special, misfit, x in rough:
-            if LIMITS.get(special) == name and name not in current.plant and not self.at_floor:
-                undetermined = max(misfit.cost(x) - left_of(misfit, x), 0.0)
-                below = AT_FLOOR**2 * floor_of(current) + undetermined
-                found = self.fits.to_end(misfit, x, below)
-                if found.error <= AT_FLOOR * found.floor:
-                    return [(special, found.misfit, found.vector), *(t for t in ends if t[0] not in (special, name))]
+        """The same rough fits; where the first plays, and what it is without a play leaves about as much and comes down
+        to the noise floor, that in its place: a play has no more to say, and each look at one is long."""
+        if not ends:
+            return ends
+        (name, misfit, x), current = ends[0], self.steps[-1].result
+        most = CLOSE * left_of(misfit, x)
+        close = [t for t in rough if LIMITS.get(t[0]) == name and left_of(t[1], t[2]) <= most]
+        for special, near, there in close if name not in current.plant else []:
+            found = self.fits.whole(current, near, there)
+            if found.error <= AT_FLOOR * found.floor:
+                return [(special, found.misfit, found.vector), *(t for t in ends if t[0] not in (special, name))]
         return ends
 
     def _holds_roughly(self, rough: Rough) -> bool:
@@ -465,7 +465,7 @@ class Search:
         """
         names = frozenset(e.name for e in self.steps[-1].result.plant.effects)
         alone = len(self.steps) == 2 and not self.false
-        if self.at_floor or alone or names in self._formed:
+        if alone or names in self._formed:
             return False
         self._formed.add(names)
         before = self.steps[-1]

@@ -198,17 +198,25 @@ def _inside(frequency: Array, bandwidth: float) -> NDArray[np.bool_]:
 def _common_share(left: Array, records: Sequence[Record], inertia: float) -> float:
     """The noise of each record over its torque, where that is the same in all and the noise is not; else 0.
 
+    What is read from a record is its noise at most: where one stands out above the others, they tell.
+
     Args:
         left: (n,) noise that a model has left of each record, at most [N m]; inf where it says nothing.
         inertia: [kg m^2].
     """
     sizes = np.array([rms_torque(r) for r in records])
-    asks = np.isfinite(left).sum() >= _FEWEST_RECORDS and min(inertia, sizes.min()) > 0
-    if not asks or _apart(sizes) < _APART:
+    if min(inertia, sizes.min()) <= 0 or _apart(sizes) < _APART:
         return 0.0
     noise = np.minimum(left, [_most_torque(r, inertia) for r in records])
-    same = noise.min() > 0 and _apart(noise / sizes) < min(_ALIKE, _apart(noise) / _FURTHER)
-    return float(np.median(noise / sizes)) if same else 0.0
+    if noise.min() <= 0:
+        return 0.0
+    by_share = np.argsort(noise / sizes)
+    for told in (by_share, by_share[:-1]):
+        known, size = noise[told], sizes[told]
+        asks = np.isfinite(left[told]).sum() >= _FEWEST_RECORDS and _apart(size) >= _APART
+        if asks and _apart(known / size) < min(_ALIKE, _apart(known) / _FURTHER):
+            return float(np.median(known / size))
+    return 0.0
 
 
 def _apart(values: Array) -> float:
