@@ -68,8 +68,12 @@ class Layout:
     def has_torque(self, effect: str) -> bool:
         return native.BY_NAME[effect].has_torque
 
-    def is_friction(self, effect: str) -> bool:
-        return native.BY_NAME[effect].kind == "friction"
+    def multiplier(self, effect: str) -> str:
+        """Of its torque, by name in `Level`; empty where nothing multiplies it."""
+        declared = native.BY_NAME[effect]
+        if declared.kind != "friction":
+            return ""
+        return "whole" if declared.has_state else "drag"
 
     def virgin(self, n: int) -> NDArray[np.float64]:
         """(n, n_state) of joints that have never moved: the next evaluation sets out from where they are."""

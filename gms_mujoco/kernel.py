@@ -74,7 +74,8 @@ def source(layout: Layout) -> str:
         i: f"gms_law_{e}::modulate(p, n, m, state, level)" for i, e in enumerate(layout.effects) if layout.modulates(e)
     }
     torques = {
-        i: "level.whole * " * layout.is_friction(e) + f"gms_law_{e}::torque(p, n, m, level, state, next)"
+        i: (f"level.{by} * " if (by := layout.multiplier(e)) else "")
+        + f"gms_law_{e}::torque(p, n, m, level, state, next)"
         for i, e in enumerate(layout.effects)
         if layout.has_torque(e)
     }

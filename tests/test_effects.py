@@ -265,6 +265,21 @@ def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_fa
         assert np.allclose(apart.sum(1), torque, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("modulator", [
+    effects.LoadDependentFriction(coefficient=0.7, whole=1, drag=0),
+    effects.PositionDependentFriction(harmonics=[3], amplitude=[0.7], phase=[0.2], whole=1, drag=0),
+], ids=lambda e: e.name)  # fmt: skip
+@pytest.mark.parametrize("name", FRICTION)
+def test_drag_may_be_left_out_of_what_is_multiplied_as_a_whole(name, modulator, motion):
+    t, q, v = motion
+    load, law = np.abs(np.sin(3 * t)) + 0.1, example(name, 5)
+    factor = 1 + 0.7 * (load if modulator.name == "load_dependent_friction" else np.sin(3 * q + 0.2))
+    drags = name in ("viscous", "quadratic_drag")
+    alone = (Plant.axis() + law).joint().replay(t, q, v).torque
+    torque = (Plant.axis() + law + modulator).joint().replay(t, q, v, load=load).torque
+    assert np.allclose(torque, alone if drags else factor * alone, rtol=1e-12, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", [n for n in FRICTION if (Plant.axis() + example(n)).joint().n_memory])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_friction_begins_with_up_to_what_it_holds_there_in_that_direction(name, side):

@@ -33,6 +33,7 @@ Rough = tuple[str, Misfit, Array]  # an effect, the problem with it and a rough 
 
 _POINTS = 80  # of frequency responses that contenders are fitted to
 _SCALING = ({"stiffening": 1.0, "whole": 0.0}, {"stiffening": 0.0, "whole": 0.0}, {"stiffening": 1.0, "whole": 1.0})
+_WITH_DRAG = (*(form | {"drag": 1.0} for form in _SCALING), {"stiffening": 1.0, "whole": 1.0, "drag": 0.0})
 _RUBBING = ({"deceleration": 0.0}, {"deceleration": 1.0}, {"deceleration": 0.2})
 # Of each effect that has several. Whether one has a speed, or a scale of temperature, or slows its load down, is a form
 # of it, and which a fit finds.
@@ -43,8 +44,8 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
         {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
         {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0},
     ),
-    "load_dependent_friction": _SCALING,
-    "position_dependent_friction": _SCALING,
+    "load_dependent_friction": _WITH_DRAG,
+    "position_dependent_friction": _WITH_DRAG,
     "thermal_drift": tuple(
         form | {"speed": speed, "temperature_scale": scale}
         for speed, scale in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))

@@ -54,18 +54,20 @@ struct Motion {
 
 // Multipliers of the friction in each direction of motion. Effects that modulate friction (asymmetry, load,
 // position, temperature) write them; every friction law scales by `at(direction)` what grows with the real area of
-// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness. By `whole` the
-// joint multiplies the torque of each effect of kind "friction", which need not know of it.
+// contact: its level and, unless an effect says that the level alone changes, its pre-sliding stiffness. By `whole`, or
+// `drag`, the joint multiplies the torque of each effect of kind "friction", which need not know of it.
 struct Level {
   double forward = 1;
   double backward = 1;
   bool stiffens = true;  // whether the stiffness of a contact grows with its level
   bool drops = true;     // whether a contact that turns keeps no more than the level of the direction that it comes to
-  double whole = 1;      // multiplier of the torque instead: of what contacts hold at rest, and of drag, too
-  // By a factor in both directions, with the stiffness or without, or all of the torque.
-  void scale(double factor, bool with_stiffness, bool as_a_whole) {
+  double whole = 1;      // multiplier of the torque instead: of what contacts hold at rest, too
+  double drag = 1;       // the same of what has no state, and so is no contact
+  // By a factor in both directions, with the stiffness or without; or all of the torque, with the drag or without.
+  void scale(double factor, bool with_stiffness, bool as_a_whole, bool with_drag = true) {
     if (as_a_whole) {
       whole *= factor;
+      if (with_drag) drag *= factor;
       return;
     }
     forward *= factor;
@@ -151,6 +153,7 @@ struct Effect {
 // For the table of what multiplies friction by a factor, see `Level::scale`.
 constexpr Parameter kWholeTorque{
     "whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"};
+constexpr Parameter kWithDrag{"drag", "1", 1, 0, 1, false, false, "d, 1: with w = 1 drag is, too; 0: dry friction alone"};
 
 extern const Effect* const kCatalogue[];
 extern const int kCatalogueSize;

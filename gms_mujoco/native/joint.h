@@ -140,7 +140,7 @@ class Joint {
     int n, state, use;
     bool friction;  // which may be multiplied as a whole
 
-    double share(const Level& level) const { return friction ? level.whole : 1; }
+    double share(const Level& level) const { return !friction ? 1 : effect->n_state ? level.whole : level.drag; }
   };
 
   static void torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,

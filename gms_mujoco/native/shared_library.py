@@ -122,6 +122,7 @@ class Declaration:
     parameters: tuple[Parameter, ...]
     modulates: bool
     has_torque: bool
+    has_state: bool
     separable: bool  # its elements do not know of each other
 
 
@@ -138,7 +139,7 @@ def _declaration(index: int) -> Declaration:
     texts = {k: getattr(e, k).decode() for k in ("name", "class_name", "kind", "doc", "signature", "experiment")}
     return Declaration(
         index, **texts, parameters=parameters,
-        modulates=bool(e.modulate), has_torque=bool(e.torque), separable=bool(e.elements),
+        modulates=bool(e.modulate), has_torque=bool(e.torque), has_state=bool(e.n_state), separable=bool(e.elements),
     )  # fmt: skip
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 from bench import HEALTHY, HIDDEN, J, dataset, slow
 
+from gms_mujoco import effects
 from gms_mujoco.diagnose import diagnose
-from gms_mujoco.diagnosis.given_inertia import free, is_doubtful
+from gms_mujoco.diagnosis.given_inertia import contradicts, free, is_doubtful
 from gms_mujoco.diagnosis.paths import searched
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.fit import baseline
@@ -25,6 +26,26 @@ def test_a_wrong_inertia_is_called_that_and_no_effect(factor: float) -> None:
     assert f"The given inertia of {factor * J:.4g} kg m^2 does not fit these records" in found.steps[0].evidence
 
 
+@pytest.mark.parametrize("factor", [0.5, *slow(2.0)])
+def test_a_plant_that_has_bent_far_does_not_hide_a_wrong_inertia(factor: float) -> None:
+    """Half or twice of it friction that creeps, or a load that swings once in half a minute, would stand for."""
+    search = Search(observe(dataset(HEALTHY).fit, factor * J), [], baseline(factor * J))
+    search.first(silent)
+    assert contradicts(search)
+    found = diagnose(replace(dataset(HEALTHY), inertia=factor * J))
+    assert found.verdict == "adequate" and not found.found
+    assert found.plant.inertia == pytest.approx(J, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frequency", [30.0, 90.0])
+def test_a_load_behind_a_coupling_is_found_where_the_motor_alone_was_given(frequency: float) -> None:
+    coupling = effects.FlexibleCoupling(inertia=0.4 * J, frequency=frequency)
+    found = diagnose(replace(dataset(HEALTHY + coupling), inertia=0.6 * J))
+    assert [e.name for e in found.found] == ["flexible_coupling"] and found.verdict == "explained"
+    assert found.plant.inertia == pytest.approx(J, rel=0.02)
+
+
 @pytest.mark.slow
 def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
     found = diagnose(replace(dataset(HEALTHY + HIDDEN["cogging"]), inertia=0.93 * J))
@@ -36,6 +57,6 @@ def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
 def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     records = dataset(HEALTHY + HIDDEN[name] if name else HEALTHY).fit
     search = Search(observe(records, J), [], baseline(J))
-    searched(search, True, silent)
+    searched(search, True, silent, halt=contradicts)
     assert [s.effect for s in search.steps[1:]] == ([name] if name else [])
     assert not is_doubtful(search, Search(search.seen, [], free(baseline(J))))

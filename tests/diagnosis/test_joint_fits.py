@@ -46,16 +46,20 @@ def test_a_load_is_found_with_the_friction_that_it_has(tried: tuple[JointFits, F
     assert result.error < 0.3 * now.error
 
 
-@pytest.mark.parametrize("whole", [0, 1])
-@pytest.mark.parametrize("hidden", [
-    effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5]),
-    effects.ThermalDrift(amplitude=-0.5, time_constant=2.0),
-], ids=lambda e: e.name)  # fmt: skip
-def test_what_multiplies_friction_is_found_with_what_it_multiplies(hidden: Effect, whole: int) -> None:
-    """The level that contacts reach, or all of the torque, with what they hold at rest and drag."""
-    seen = tuple(observe(runs(HEALTHY + hidden.replace(whole=whole), seconds=4.0, seed=3), J))
+PLACE = effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5])
+HEAT = effects.ThermalDrift(amplitude=-0.5, time_constant=2.0)
+
+
+@pytest.mark.parametrize(("hidden", "form"), [
+    (PLACE, {"whole": 0}), (PLACE, {"whole": 1}), (PLACE, {"whole": 1, "drag": 0}),
+    (HEAT, {"whole": 0}), (HEAT, {"whole": 1}),
+], ids=lambda x: x.name if isinstance(x, Effect) else str(x))  # fmt: skip
+def test_what_multiplies_friction_is_found_with_what_it_multiplies(hidden: Effect, form: dict[str, float]) -> None:
+    """The level that contacts reach, or all of the torque, with what they hold at rest, and with drag or without."""
+    seen = tuple(observe(runs(HEALTHY + hidden.replace(**form), seconds=4.0, seed=3), J))
     healthy = fit_observations(HEALTHY, seen)
     candidate = Screen(healthy.misfit, healthy.vector).candidate(type(hidden))
     assert candidate is not None
     misfit, x = JointFits(HEALTHY, seen, frozenset()).roughly(healthy, candidate)
-    assert misfit.plant(x)[hidden.name].values["whole"] == whole
+    found = misfit.plant(x)[hidden.name].values
+    assert {k: found[k] for k in form} == form

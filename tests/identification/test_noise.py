@@ -172,6 +172,13 @@ def test_noise_that_is_a_share_of_the_torque_is_told_beside_a_record_within_a_co
     assert fit(HEALTHY, records).noise.share == pytest.approx(2 * SHARE, rel=0.15)
 
 
+def test_noise_that_is_a_share_of_the_torque_is_told_beside_a_record_that_stands_out() -> None:
+    """What is left of a record is its noise at most: one of which something else is left says nothing against it."""
+    quiet = [r for seed in (0, 1) for r in runs(HEALTHY, seed=seed, torque_noise=0.0)]
+    records = [_noisy(r, (4 if k == 1 else 1) * SHARE * rms(r.torque), k) for k, r in enumerate(quiet)]
+    assert fit(HEALTHY, records).noise.share == pytest.approx(SHARE, rel=0.1)
+
+
 def test_noise_that_is_the_same_in_each_record_is_no_share_of_the_torque() -> None:
     noise = fit(HEALTHY, runs(HEALTHY, torque_noise=TORQUE)).noise
     assert noise.share == 0 and noise.torque_in(runs(HEALTHY)[0]) == noise.torque == pytest.approx(TORQUE, rel=0.15)
