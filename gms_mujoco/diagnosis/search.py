@@ -290,12 +290,13 @@ class Search:
         return trials
 
     def _limit_instead(self, ends: list[Rough], rough: Sequence[Rough]) -> list[Rough]:
-        """The same rough fits; where the first plays, and what it is without a play leaves about as much and comes down
+        """The same rough fits; where the first plays, and what it is without a play takes nearly as much and comes down
         to the noise floor, that in its place: a play has no more to say, and each look at one is long."""
         if not ends:
             return ends
         (name, misfit, x), current = ends[0], self.steps[-1].result
-        most = CLOSE * left_of(misfit, x)
+        left, least = left_of(current.misfit, current.vector), left_of(misfit, x)
+        most = max(CLOSE * least, left - NEARLY * (left - least))
         close = [t for t in rough if LIMITS.get(t[0]) == name and left_of(t[1], t[2]) <= most]
         for special, near, there in close if name not in current.plant else []:
             found = self.fits.whole(current, near, there)
