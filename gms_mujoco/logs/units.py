@@ -64,9 +64,11 @@ _ONLY_IN_UNITS = re.compile(r"[%‰°^²³·Ω]")
 _SHORT = re.compile(r"(?:\d[\d.,]*\s*)?[^\W\d_]{1,4}(?:[\s*./_-]+[^\W\d_]{1,4})*")  # "Mp", "kp m"
 _NO_FACTORS = frozenset(("percent", "permille", "promille", "prozent", "volts", "units", "steps", "digits", "rated"))
 _LABEL = re.compile(  # a short word in brackets that says which signal it is, or of what, and not how much
-    "act|set|ref|cmd|des|raw|fbk?|meas|est|filt|lp|avg|mean|max|min|abs|rel|ist|soll|in|out|new|old|main|aux|test|sim|"
-    "real|data|log|sp|pv|arm|leg|hip|knee|foot|toe|hand|neck|head|base|pan|tilt|roll|yaw|axis|ax|jnt|link|lead|left|"
-    "lhs|rhs|load|side|mot|enc|ff|pid|[xyzq]|iq|dq|ch|n/a|none|nan|null|utc|gmt|cest|cet|mez|iso"
+    "act|set|ref|cmd|des|goal|tgt|raw|fbk?|meas|est|obs|pred|filt|lp|avg|mean|sum|diff|err|max|min|abs|rel|ist|soll|"
+    "in|out|new|old|orig|main|aux|test|sim|real|data|log|sp|pv|pre|post|pos|neg|fwd|bwd|up|down|low|high|top|"
+    "arm|leg|hip|knee|foot|toe|hand|neck|head|base|pan|tilt|roll|yaw|axis|ax|jnt|link|lead|left|lhs|rhs|load|side|tool|"
+    "mot|mtr|enc|gear|drv|ctrl|ctl|plc|cnc|nc|adc|dac|dsp|can|ecat|pdo|sdo|opc|ros|imu|ff|pid|"
+    "vel|spd|acc|tq|trq|torq|cur|curr|time|[xyzq]|iq|dq|ch|n/a|none|nan|null|utc|gmt|cest|cet|mez|iso"
 )
 
 
