@@ -7,7 +7,7 @@ from dataclasses import replace
 from ..fit_result import FitResult, result_of
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
-from ..identification.refine import fit_to_end, refined
+from ..identification.refine import fit_to_end, refine, refined
 from ..logs.plausible import hint
 from ..plant import Plant
 from ..progress import silent
@@ -40,9 +40,14 @@ def contradicts(search: Search) -> bool:
     undetermined = max(last.misfit.cost(last.vector) - left, 0.0)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
     x = nudge(misfit, x, below=_OF_USE * least + undetermined)
-    if left_of(misfit, x) > _OF_USE * least or left_of(misfit, x := refined(misfit, x)) > least:
+    if left_of(misfit, x) > _OF_USE * least:
         return False
-    return not _is_alike(_inertia(misfit.plant(x)), _inertia(last.plant), _CLEARLY)
+    found = refine(misfit, x)
+    # An axis that is lighter makes less of the noise of its encoder, and its floor is lower: that counts.
+    floor = min(floor, floor_of(found))
+    least = AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
+    explains = left_of(found.misfit, found.vector) <= least
+    return explains and not _is_alike(_inertia(found.plant), _inertia(last.plant), _CLEARLY)
 
 
 def is_needed(search: Search, given: Plant) -> bool:

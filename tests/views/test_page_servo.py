@@ -27,4 +27,4 @@ def test_the_page_of_a_comparison_says_how_errors_are_counted(servo_diagnosis: D
     text = report.render_comparison(c, "servo")
     _sound(text)
     assert "strays from its own repetitions" in text and c.score.told(c.error) in text
-    assert "above the noise floor" in text and "orque error" not in text
+    assert "times the noise floor" in text and "orque error" not in text
