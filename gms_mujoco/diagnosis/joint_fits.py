@@ -25,7 +25,7 @@ from ..identification.scales import Scales
 from ..identification.screen import Candidate
 from ..identification.servo_observation import ServoObservation
 from ..plant import Plant
-from .judgement import AT_FLOOR, CLOSE, FINALISTS, NEARLY, floor_of, left_of
+from .judgement import AT_FLOOR, FINALISTS, floor_of, left_of, most_of_use
 from .plays import from_other_contacts, looked_at
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ class JointFits:
         least = sorted(left_of(misfit, x) for _, misfit, x in rough)
         below = least[FINALISTS] if len(least) > FINALISTS else math.inf
         if least[0] <= AT_FLOOR**2 * floor_of(current):
-            below = min(below, max(CLOSE * least[0], left - NEARLY * (left - least[0])))
+            below = min(below, most_of_use(left, least[0]))
         return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
 
     def forms(self, effect: Effect, plant: Plant | None = None) -> list[dict[str, float]]:

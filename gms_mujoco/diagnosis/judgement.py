@@ -166,6 +166,12 @@ def least_share(plant: Plant, effect: Effect) -> float:
     return LEAST_SHARE if np.any(new > ORDERS) else 0.0
 
 
+def most_of_use(before: float, least: float) -> float:
+    """What another fit may leave beside one that left least [N^2 m^2], to be in its place: hardly more, or with fewer
+    parameters nearly as little of what was left before."""
+    return max(CLOSE * least, before - NEARLY * (before - least))
+
+
 def takes(before: float, after: float, floor: float, share: float = LEAST_SHARE) -> bool:
     """Whether a good part of the squared error that is not noise is gone."""
     return bool(before - after > least_fall(before, floor, share))

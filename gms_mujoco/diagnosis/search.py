@@ -44,7 +44,6 @@ from .judgement import (
     FINALISTS,
     LEAST_GAIN,
     LEAST_SHARE,
-    NEARLY,
     Trial,
     at_floor,
     carries,
@@ -56,6 +55,7 @@ from .judgement import (
     least_share,
     leaves_much_less,
     left_of,
+    most_of_use,
     simplest,
     swings,
     takes_of_both,
@@ -295,8 +295,7 @@ class Search:
         if not ends:
             return ends
         (name, misfit, x), current = ends[0], self.steps[-1].result
-        left, least = left_of(current.misfit, current.vector), left_of(misfit, x)
-        most = max(CLOSE * least, left - NEARLY * (left - least))
+        most = most_of_use(left_of(current.misfit, current.vector), left_of(misfit, x))
         close = [t for t in rough if LIMITS.get(t[0]) == name and left_of(t[1], t[2]) <= most]
         for special, near, there in close if name not in current.plant else []:
             found = self.fits.whole(current, near, there)
@@ -562,7 +561,7 @@ class Search:
             return math.inf
         cost, least = (r.misfit.cost(r.vector) for r in (now, first.result))
         simpler = misfit.coordinates.size < first.result.misfit.coordinates.size
-        return max(CLOSE * least, cost - NEARLY * (cost - least) if simpler else 0.0)
+        return most_of_use(cost, least) if simpler else CLOSE * least
 
     def selects(self, result: FitResult) -> bool:
         """Whether the select records, where there are some, agree."""
