@@ -14,7 +14,7 @@ from ..fit import fit_observations, from_the_data
 from ..fit_result import FitResult, result_of
 from ..identification.held_out import HeldOut, p_value
 from ..identification.linear_model import cross_validated
-from ..identification.starts import to_identify
+from ..identification.starts import LAWS, to_identify
 from ..plant import Plant
 from ..progress import silent
 from .friction_shape import (
@@ -39,13 +39,11 @@ from .judgement import (
 from .search import Search
 from .steps import Step
 
-# Each describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped, forgets
-# its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained in both,
-# but for a `dahl` with another exponent than 1, and a `stribeck` with a creep velocity: that gives way below its level
-# at once, and remembers nothing. So does `frictionloss`, which MuJoCo has and no bearing.
-LAWS: dict[str, dict[str, float]] = {
-    "gms": {}, "lugre": {}, "dahl": {}, "stribeck": {"creep_velocity": math.nan}, "frictionloss": {}
-}  # fmt: skip
+# Each of `LAWS` describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped,
+# forgets its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained
+# in both, but for a `dahl` with another exponent than 1, and a `stribeck` with a creep velocity: that gives way below
+# its level at once, and remembers nothing. So does `frictionloss`, which MuJoCo has and no bearing.
+_TRIED_WITH = {"stribeck": {"creep_velocity": math.nan}}
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
@@ -221,7 +219,7 @@ def choices(plant: Plant) -> tuple[Effect, ...]:
     own = [e for e in plant.effects if e.name in LAWS]
     if len(own) != 1:
         return ()
-    return (own[0], *(to_identify(name, **values) for name, values in LAWS.items() if name != own[0].name))
+    return (own[0], *(to_identify(name, **_TRIED_WITH.get(name, {})) for name in LAWS if name != own[0].name))
 
 
 def _told(plant: Plant, name: str) -> str:

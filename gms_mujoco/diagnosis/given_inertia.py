@@ -36,17 +36,15 @@ def contradicts(search: Search) -> bool:
     if not last.plant.inertia_known or search.fits.simulated or search.at_floor:
         return False
     left, floor = left_of(last.misfit, last.vector), floor_of(last)
-    least = AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
+    of_use = _OF_USE * _explained(left, floor)
     undetermined = max(last.misfit.cost(last.vector) - left, 0.0)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
-    x = nudge(misfit, x, below=_OF_USE * least + undetermined)
-    if left_of(misfit, x) > _OF_USE * least:
+    x = nudge(misfit, x, below=of_use + undetermined)
+    if left_of(misfit, x) > of_use:
         return False
     found = refine(misfit, x)
     # An axis that is lighter makes less of the noise of its encoder, and its floor is lower: that counts.
-    floor = min(floor, floor_of(found))
-    least = AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
-    explains = left_of(found.misfit, found.vector) <= least
+    explains = left_of(found.misfit, found.vector) <= _explained(left, min(floor, floor_of(found)))
     return explains and not _is_alike(_inertia(found.plant), _inertia(last.plant), _CLEARLY)
 
 
@@ -135,6 +133,11 @@ def corrected(search: Search, other: Search) -> str:
         f"{given / found:.4g} times the torque{hint(given / found)}: with that the {after.score.name} is "
         f"{told(after.error)}, else {told(before.error)}{beside}"
     )
+
+
+def _explained(left: float, floor: float) -> float:
+    """What a fit leaves at most, squared, that explains nearly all that is left above a noise floor."""
+    return AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
 
 
 def _inertia(plant: Plant) -> float:

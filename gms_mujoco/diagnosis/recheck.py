@@ -20,10 +20,10 @@ from ..identification.linear_model import LinearModel, cross_validated
 from ..identification.misfit import Misfit
 from ..identification.refine import refine
 from ..identification.screen import Screen
+from ..identification.starts import LAWS
 from ..identification.tall import gram
 from ..plant import Plant
 from .beyond import beyond
-from .friction_law import LAWS
 from .joint_fits import LIMITS
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
 from .search import Search
