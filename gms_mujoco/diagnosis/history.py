@@ -1,4 +1,4 @@
-"""What an axis has been through, along records: what fades, and a body that is carried along."""
+"""What an axis has been through, along records: what fades, and what follows late."""
 
 from __future__ import annotations
 
@@ -20,18 +20,21 @@ def faded(gone: Array, scales: Array) -> Array:
     return np.asarray(np.exp(-np.divide.outer(gone, scales)))
 
 
-def carried(velocities: Sequence[Array], sample_times: Sequence[float], grips: Array) -> list[Array]:
-    """(n, k) of each record: velocity of a body that friction carries along, by at most each of k accelerations.
+def following(signals: Sequence[Array], sample_times: Sequence[float], rates: Array) -> list[Array]:
+    """(n, k) of each record: what follows a signal by at most each of k rates, from where that begins.
+
+    A body that friction carries along follows the velocity by at most an acceleration, a drive with a slew limit the
+    torque that is asked for.
 
     Args:
-        velocities: (n,) of each record [rad/s or m/s].
+        signals: (n,) of each record.
         sample_times: of each [s].
-        grips: (k,) friction over the inertia of the body [rad/s^2 or m/s^2].
+        rates: (k,) [unit of the signals / s].
     """
-    long = max(map(len, velocities))
-    v = np.stack([np.pad(x, (0, long - len(x))) for x in velocities], 1)[:, :, None]  # all records at once
-    most = np.multiply.outer(np.asarray(sample_times), grips)
-    body, states = np.broadcast_to(v[0], most.shape), np.empty((long, *most.shape))
+    long = max(map(len, signals))
+    followed = np.stack([np.pad(x, (0, long - len(x))) for x in signals], 1)[:, :, None]  # all records at once
+    most = np.multiply.outer(np.asarray(sample_times), rates)
+    now, states = np.broadcast_to(followed[0], most.shape), np.empty((long, *most.shape))
     for i in range(long):
-        states[i] = body = np.clip(v[i], body - most, body + most)
-    return [states[: len(x), k] for k, x in enumerate(velocities)]
+        states[i] = now = np.clip(followed[i], now - most, now + most)
+    return [states[: len(x), k] for k, x in enumerate(signals)]

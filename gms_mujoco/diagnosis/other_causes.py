@@ -14,7 +14,7 @@ from ..fit_result import FitResult
 from ..identification.between_samples import mean_torque, second_difference
 from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
-from .history import carried, faded, way
+from .history import faded, following, way
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between whic
 _SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
 _SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, over which something fades
 _GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
+_SLEWS = np.geomspace(0.01, 0.7, 8)  # of the fastest change of the torque, that a drive follows at most
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _TWICE = 1.5  # waves to a revolution: fewer are one
@@ -215,6 +216,44 @@ def _say_sag(now: FitResult, strength: Array) -> str:
             f"{100 * abs(gone):.2g} % where most is")  # fmt: skip
 
 
+def _of_slew(now: FitResult) -> list[Torques]:
+    """What a drive gives less, whose torque changes by at most each of several rates."""
+    return [
+        _taking(np.stack([mean_torque(o.record, x) for x in less.T], 1))
+        for o, less in zip(records_of(now), _late(now), strict=True)
+    ]
+
+
+def _late(now: FitResult) -> list[Array]:
+    """(n, k) of each record: torque that is asked for over an interval and not there yet, by each rate [N m]."""
+    seen, rates = records_of(now), _slews(now)
+    u, h = [o.record.torque for o in seen], [o.sample_time for o in seen]
+
+    def one(u: Array, h: float, end: Array) -> Array:
+        step = np.diff(end, axis=0, prepend=end[:1])
+        return u[:, None] - end + step * np.abs(step) / (2 * rates * h)  # on the way to where an interval ends
+
+    return list(map(one, u, h, following(u, h, rates)))
+
+
+def _slews(now: FitResult) -> Array:
+    """(k,) rates [N m/s]."""
+    fastest = max(float(np.abs(np.diff(o.record.torque)).max()) / o.sample_time for o in records_of(now))
+    return max(fastest, 1e-300) * _SLEWS
+
+
+def _slowed(now: FitResult, strength: Array) -> float:
+    """Share of the torque that comes late, of the record with most."""
+    seen = records_of(now)
+    return max(float(np.std(x @ strength) / np.std(o.record.torque)) for o, x in zip(seen, _late(now), strict=True))
+
+
+def _say_slew(now: FitResult, strength: Array) -> str:
+    rate = _slews(now)[np.argmax(strength)]
+    unit = "N m/s" if now.plant.kind == "hinge" else "N/s"
+    return f"a drive whose torque changes by no more than about {rate:.2g} {unit}"
+
+
 # ------------------------------------------------------------------------------- what fades in the course of a record
 
 
@@ -268,7 +307,7 @@ def _of_body(now: FitResult) -> list[Torques]:
     seen = records_of(now)
     v, h = [o.velocity for o in seen], [o.sample_time for o in seen]
     most = max(float(np.abs(second_difference(o.position, o.sample_time)).max()) for o in seen)
-    return [_taking(np.gradient(body, dt, axis=0)) for body, dt in zip(carried(v, h, most * _GRIPS), h, strict=True)]
+    return [_taking(np.gradient(body, dt, axis=0)) for body, dt in zip(following(v, h, most * _GRIPS), h, strict=True)]
 
 
 def _body(now: FitResult, strength: Array) -> float:
@@ -448,6 +487,11 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_power, lambda now, s: abs(_sagged(now, s)), _say_sag,
         "The voltage of the supply, logged beside the torque, while the axis speeds up as hard as it can.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_slew, _slowed, _say_slew,
+        "Steps of the torque on the locked axis, from small to large, with the current logged: how fast it rises.",
         taken_from=_asked_for,
     ),
     Cause(

@@ -12,7 +12,7 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.beyond import beyond
-from gms_mujoco.diagnosis.history import carried
+from gms_mujoco.diagnosis.history import following
 from gms_mujoco.diagnosis.judgement import Trial
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
@@ -20,6 +20,7 @@ from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.linear_model import cross_validated
 from gms_mujoco.identification.observe import observe
+from gms_mujoco.parameter import Parameter
 from gms_mujoco.record import Record
 
 COGGING = effects.Cogging(harmonics=[13], amplitude=[0.2 * LEVEL], phase=[0.4])
@@ -74,8 +75,21 @@ def _heated(r: Record) -> Record:
 def _ringed(r: Record, share: float = 0.3, grip: float = 100.0) -> Record:
     """The record of an axis with a ring of 30 % of its inertia, that lets slip at 100 rad/s^2."""
     v = Observation(r, 100.0).velocity
-    (ring,) = carried([v], [r.sample_time], np.array([grip]))
+    (ring,) = following([v], [r.sample_time], np.array([grip]))
     return driven(r, r.torque + share * J * np.gradient(ring[:, 0], r.time))
+
+
+class Slew(Effect):
+    """A drive whose torque changes by no more than a rate."""
+
+    name = "slew"
+    kind = "drive"
+    doc = signature = experiment = "A slew limit."
+    parameters = (Parameter("rate", "N m/s", lower=0.0),)
+
+    def deliver(self, time: np.ndarray, command: np.ndarray) -> np.ndarray:
+        (out,) = following([command], [time[1] - time[0]], np.array([float(self.values["rate"])]))  # type: ignore[arg-type]
+        return np.asarray(out[:, 0])
 
 
 def _trial(effect: Effect, records: list[Record]) -> tuple[FitResult, Trial]:
@@ -118,6 +132,22 @@ def test_an_offset_and_friction_are_no_drive_that_gives_more_to_one_side(effect:
 def test_a_supply_that_sags_is_no_saturation() -> None:
     said = _said(SATURATED, [_sagging(r) for r in runs(HEALTHY)])
     assert said.startswith("a torque constant that falls with the power that is drawn")
+
+
+def test_a_slew_limit_is_no_saturation() -> None:
+    said = _said(SATURATED, runs(HEALTHY + Slew(rate=200 * LEVEL)))
+    told = re.match("a drive whose torque changes by no more than about (.*) N m/s,", said)
+    assert told is not None and float(told[1]) == pytest.approx(200 * LEVEL, rel=0.3)
+
+
+DRIVES = [effects.CurrentLoopLag(time=1e-3), effects.Delay(time=1.5e-3), SATURATED]
+
+
+@pytest.mark.parametrize("first", range(3))
+def test_two_effects_of_a_drive_are_no_slew_limit_that_leaves_less_than_the_first(first: int) -> None:
+    hidden = [d for i, d in enumerate(DRIVES) if i != first]
+    for effect in hidden:
+        assert _said(effect, runs(HEALTHY + hidden[0] + hidden[1])) == ""
 
 
 def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
