@@ -94,6 +94,8 @@ def _to_its_end(
                 friction.take(law)
             elif exchange(search):
                 search.shape()  # what another effect had hidden of it may show now
+            if not search.at_floor:
+                search.reformed()  # what a form leaves that was chosen while another effect was missing is no third
             continue
         if law is not None:
             friction.take(law)
