@@ -1,6 +1,7 @@
-"""Habits of a log: how a record was written, which is no physics, and no effect that a plant could lack.
+"""Habits of a log: how it came about, which is no physics, and no effect that a plant could lack.
 
-Torques that act before their rows, rows that are the time steps of a simulation, rests where friction does not bend.
+Torques that act before their rows, rows that are the time steps of a simulation, rests where friction does not bend,
+responses at which a harmonic of the motion met a resonance.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fit_result import FitResult, result_of
-from .frf_observation import Seen
+from .frf_observation import FrfObservation, Seen, balanced
 from .inverse import Observation
 from .linear_model import determined
 from .misfit import Misfit
-from .refine import refine, refined
+from .refine import CLOSE_TO_FLOOR, refine, refined
 from .tall import squared
 from .time_steps import TimeSteps, in_steps, steps_of, without_rests
 
@@ -35,12 +36,18 @@ def as_logged(found: FitResult, fixed: Collection[str] = (), share: float = EARL
         fixed: parameters that stay, as "effect.parameter".
         share: of the squared error above the noise floor, that torques before their rows have to take.
     """
-    return _without_rests(found, fixed) or acting_early(found, fixed, share) or _as_time_steps(found, fixed)
+    return (
+        _without_rests(found, fixed)
+        or _beside_resonances(found, fixed)
+        or acting_early(found, fixed, share)
+        or _as_time_steps(found, fixed)
+    )
 
 
 def may_be_otherwise(misfit: Misfit, x: Array) -> bool:
     """Whether a fit gives any reason to ask for another habit, as far as that is seen at no cost."""
     asks = any(isinstance(o, Observation) and (o.early or isinstance(o, TimeSteps)) for o in misfit.observations)
+    asks = asks or any(isinstance(o, FrfObservation) for o in misfit.observations)
     return asks or "delay" in misfit.coordinates.template or bool(_pressing(misfit, x)) or _rests_press(misfit, x)
 
 
@@ -57,11 +64,31 @@ def _without_rests(found: FitResult, fixed: Collection[str]) -> list[Seen] | Non
     misfit, x = found.misfit, found.vector
     if not _rests_press(misfit, x):
         return None
-    seen = without_rests(misfit.observations)
+    return _where_most_stood(without_rests(misfit.observations), found, fixed)
+
+
+def _where_most_stood(seen: list[Seen], found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
+    """Observations of which a part counts less or not at all; None where it is not most of what is left that stood
+    there."""
     # Beside a refit what falls has to be what stood there: fewer rows let a plant bend to what passes on less noise.
-    stays = result_of(*misfit.onto(found.plant, x, seen, fixed)).error > _STOOD_THERE * found.error
+    stays = result_of(*found.misfit.onto(found.plant, found.vector, seen, fixed)).error > _STOOD_THERE * found.error
     enough = _STOOD_THERE if found.rattles else _SHARPER
     return None if stays or refine(*_onto(seen, found, fixed)).error > enough * found.error else seen
+
+
+def _beside_resonances(found: FitResult, fixed: Collection[str]) -> list[Seen] | None:
+    """The observations, with less trust in points of responses at which a harmonic of the motion meets a resonance of
+    the plant, or that it has no motion at: which ones these are a plant without that resonance did not show.
+
+    Far from the floor they are the evidence of what is missing.
+    """
+    seen = found.misfit.observations
+    frfs = [o for o in seen if isinstance(o, FrfObservation)]
+    if not frfs or found.is_near_floor or found.error > CLOSE_TO_FLOOR * found.floor:
+        return None
+    again = balanced(frfs, found.plant)
+    rest = [o for o in seen if not isinstance(o, FrfObservation)]
+    return _where_most_stood([*rest, *again], found, fixed) if again else None
 
 
 def _rests_press(misfit: Misfit, x: Array) -> bool:

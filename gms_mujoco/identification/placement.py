@@ -263,9 +263,9 @@ def _moves(misfit: Misfit, x: Array) -> Iterator[tuple[Effect, Indices]]:
     for k in np.argsort(-law.gain):
         i = int(law.of[k])
         free = [m for m in np.argsort(law.loss) if i not in law.pairs[m]]
-        if len(done) == _TRIES or not free or law.gain[k] - max(law.loss[free[0]], 0.0) < _WORTH * cost:
+        if len(done) == _TRIES or law.gain[k] < _WORTH * cost:
             break
-        if i in done:
+        if i in done or not free or law.gain[k] - max(law.loss[free[0]], 0.0) < _WORTH * cost:
             continue
         done.add(i)
         both = law.pairs[free[0]]
