@@ -58,7 +58,8 @@ def is_needed(search: Search, given: Plant) -> bool:
 
 def is_doubtful(search: Search, other: Search) -> bool:
     """Whether another inertia than the given one would leave hardly more in the place of an effect that was found, or
-    with one effect that is still missing much less; also than what explains more than any effect would leave.
+    with one effect that is still missing much less, also than what explains more than any effect would leave, or no
+    more than noise.
 
     A load on a spring too soft to move it takes its inertia off the axis, and a late torque looks like a heavier one:
     an effect may say no more than that a figure from a drawing is wrong.
@@ -85,7 +86,7 @@ def is_doubtful(search: Search, other: Search) -> bool:
             return True
     if search.at_floor or _is_told_between_moments(search):
         return False
-    much_less = floor + MUCH_LESS * max(least - floor, 0.0)
+    much_less = max(floor + MUCH_LESS * max(least - floor, 0.0), AT_FLOOR**2 * floor)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
     if left_of(misfit, refined(misfit, nudge(misfit, x))) < much_less:
         return True

@@ -70,8 +70,29 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     adds to that spectrum, so the quieter records say what the noise is; a median over segments keeps single events
     (reversals, impacts) out of each.
     """
-    rates = np.array([1 / r.sample_time for r in records])
-    alike = [r for r, rate in zip(records, rates, strict=True) if abs(rate / rates.max() - 1) < 1e-3]
+    told = [_density(alike, inertia) for alike in _by_rate(records)]
+    variance = _variances(*(np.concatenate(x) for x in zip(*told, strict=True)))
+    count = float(np.median([count_size(r) for r in records]))
+    torque, position = np.sqrt(variance)
+    # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
+    loudness = np.concatenate([_loudness(alike) for alike in _by_rate(records)])
+    torque = min(torque, float(np.quantile(loudness, _QUIETER)))
+    return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
+
+
+def _by_rate(records: Sequence[Record]) -> list[list[Record]]:
+    """Those that are sampled alike together, the fastest first."""
+    rest, groups = list(records), []
+    while rest:
+        fastest = min(r.sample_time for r in rest)
+        groups.append([r for r in rest if abs(fastest / r.sample_time - 1) < 1e-3])
+        rest = [r for r in rest if abs(fastest / r.sample_time - 1) >= 1e-3]
+    return groups
+
+
+def _density(alike: Sequence[Record], inertia: float) -> tuple[Array, Array]:
+    """What noises of a variance of one on torque and position are in the spectrum of u - J q'', (n, 2), and how loud
+    that is in the quieter of records that are sampled alike, (n,)."""
     h, segment = _cut(alike)
     errors = [mean_torque(r) - _rigid(r, inertia) for r in alike]
     inertia = typical_inertia(alike, inertia)
@@ -79,16 +100,10 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     # Smoothed before the quieter ones are taken: of ragged spectra a low quantile is their raggedness.
     spectra = _spectra([e[1:-1] for e in errors], segment, h)
     smooth = [scipy.signal.medfilt(d, min(_BINS, (len(d) - 1) | 1)) for d in spectra]
-    density = np.quantile(smooth, _QUIETER, axis=0)[use]
     half = np.pi * f * h
     passed = 1 - np.sin(half) ** 2 / 3 if alike[0].sensed else np.cos(half)  # of the torque, by its mean
     shapes = 2 * h * np.stack([passed**2, (inertia / h**2) ** 2 * (2 * np.sin(half)) ** 4], 1)
-    variance = _variances(shapes, density)
-    count = float(np.median([count_size(r) for r in records]))
-    torque, position = np.sqrt(variance)
-    # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
-    torque = min(torque, float(np.quantile(_loudness(alike), _QUIETER)))
-    return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
+    return shapes, np.quantile(smooth, _QUIETER, axis=0)[use]
 
 
 def _cut(records: Sequence[Record]) -> tuple[float, int]:

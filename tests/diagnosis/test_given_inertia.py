@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from bench import HEALTHY, HIDDEN, J, dataset, slow
+from bench import HEALTHY, HIDDEN, LEVEL, J, dataset, slow
 
 from gms_mujoco import effects
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.beyond import Hint
 from gms_mujoco.diagnosis.given_inertia import contradicts, free, is_doubtful
+from gms_mujoco.diagnosis.judgement import floor_of
 from gms_mujoco.diagnosis.paths import searched
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.fit import baseline
@@ -60,3 +62,12 @@ def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     searched(search, True, silent, halt=contradicts)
     assert [s.effect for s in search.steps[1:]] == ([name] if name else [])
     assert not is_doubtful(search, Search(search.seen, [], free(baseline(J))))
+
+
+def test_what_explains_a_part_of_a_wrong_inertia_does_not_keep_it() -> None:
+    """An inertia that leaves no more than noise is better than what might leave less beside a wrong one."""
+    wave, start = effects.Cogging(harmonics=[6], amplitude=[0.004 * LEVEL], phase=[0.4]), baseline(1.0025 * J)
+    search = Search(observe(dataset(HEALTHY + wave).fit, start.inertia), [], start, ["cogging"])
+    search.first(silent)
+    search.hint = Hint("a body that friction carries along", "Steps.", floor_of(search.steps[-1].result))
+    assert not search.at_floor and is_doubtful(search, Search(search.seen, [], free(start), ["cogging"]))

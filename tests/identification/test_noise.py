@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COUNT, HEALTHY, HIDDEN, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, J, dataset, rms, run, runs
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
@@ -77,6 +77,18 @@ def test_no_noise_is_found_in_nothing() -> None:
 def test_the_quiet_records_say_what_the_noise_is() -> None:
     quiet, loud = runs(BARE, torque_noise=TORQUE), runs(BARE, torque_noise=10 * TORQUE, seed=1)[:1]
     assert estimate_noise([*quiet, *loud], J).torque == pytest.approx(TORQUE, rel=0.2)
+
+
+def test_records_of_several_rates_say_together_what_the_noise_is() -> None:
+    """In the fastest that of the position drowns that of the torque; the others alone tell it."""
+    records = []
+    for seed, sample_time in enumerate((2.5e-4, 1e-3, 2e-3)):
+        torque = multisine(round(3 / sample_time), sample_time, 0.5, 20.0, LEVEL, np.random.default_rng(seed))
+        records.append(run(HEALTHY, torque, seed, sample_time, position_noise=5e-6))
+    alone, together = (estimate_noise(r, J).torque for r in (records[:1], records))
+    assert not 0.7 * TORQUE_NOISE < alone < 1.4 * TORQUE_NOISE
+    assert together == pytest.approx(TORQUE_NOISE, rel=0.15)
+    assert estimate_noise(records[::-1], J).torque == pytest.approx(together, rel=1e-6)
 
 
 def test_a_residual_lowers_the_torque_noise_and_never_raises_it() -> None:
