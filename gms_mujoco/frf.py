@@ -374,7 +374,9 @@ def with_amplitude(frf: FRF) -> FRF:
     """The response from torque to position; raises DataError where it is none or its amplitude is not known."""
     f = frf.compliance()
     if f.amplitude is None:
-        raise DataError(f"{f.name}: the amplitude of the excitation is not known; give it as amplitude = ... [N m]")
+        unit = drive_unit(f.input, f.kind)
+        raise DataError(f"{f.name}: the amplitude of the excitation is not known; give it as amplitude = ... [{unit}], "
+                        "of a current [A]")
     return f
 
 

@@ -71,10 +71,11 @@ def levels_from_table(
         name: of the result, for messages.
         input, output: what the response leads from and to.
         columns: names or numbers (from 0; of lines where there is a line per quantity) for `COLUMNS`.
-        unit: of frequency, magnitude, phase, sigma and coherence, and of input and output ("mNm", "deg"). A sigma in dB
-            is that of the magnitude.
+        unit: of frequency, magnitude, phase, sigma and coherence, of input and output ("mNm", "deg"), and of
+            `amplitude`. A sigma in dB is that of the magnitude.
         scale: multiplies the response; with it, or with a unit of input or output, that of the file does not count.
-        amplitude: of the input during the measurement [N m].
+        amplitude: of the input during the measurement, in SI ([N m], of a current [A]) whatever unit the input has in
+            the file, or in that of `unit`.
         kind, count: joint kind and one encoder count [rad], for the units of input and output.
         use: of the result.
 
@@ -118,6 +119,8 @@ def levels_from_table(
     if amplitude is not None and "excitation" in raw:
         raise DataError("amplitude is given, and the file has the excitation in column "
                         f"{raw['excitation'][1]!r}; leave one of them out")
+    amplitude, told = _amplitude(amplitude, declared, sides)
+    notes += told
     read = [f"{k} [{found[k]}]" for k in ("frequency", "magnitude", "phase") if k in found]
     how = ", ".join(read) + (" and real and imaginary part" if "real" in raw else "")
     if stated and factor != 1:
@@ -129,7 +132,7 @@ def levels_from_table(
     for here in masks:
         where, mean, said, values = _averaged(frequency[here], response[here], {k: v[here] for k, v in extra.items()})
         if amplitude is not None:
-            values["excitation"] = np.full(len(where), abs(amplitude))
+            values["excitation"] = np.full(len(where), amplitude)
         label, told = "", notes
         if len(masks) > 1:
             label = f" at {np.median(values['excitation']):.3g} {drive_unit(input, kind)}"
@@ -378,7 +381,7 @@ class _Sides:
     count: float | None
 
     def factor(self, side: str, unit: Any) -> float:
-        quantity = self.input if side == "input" else self.output
+        quantity = self.output if side == "output" else self.input
         return frf_units.quantity_factor(unit, side, quantity, self.kind, self.count)
 
 
@@ -397,6 +400,25 @@ def _factor(
             raise DataError(f"units.{side}: {error}") from None
         factor = factor * size if side == "output" else factor / size
     return factor, ""
+
+
+def _amplitude(value: float | None, declared: Mapping[str, Any], sides: _Sides) -> tuple[float | None, list[str]]:
+    """The amplitude of the input in SI, and what is to be said where it may have been meant in another unit."""
+    if value is None:
+        if "amplitude" in declared:
+            raise DataError("units.amplitude is of amplitude, which is not given")
+        return None, []
+    si = drive_unit(sides.input, sides.kind)
+    if "amplitude" in declared:
+        try:
+            return abs(value) * sides.factor("amplitude", declared["amplitude"]), []
+        except DataError as error:
+            raise DataError(f"units.amplitude: {error}") from None
+    unit = declared.get("input", si)
+    if sides.factor("input", unit) == 1:
+        return abs(value), []
+    return abs(value), [f"the amplitude is taken as {abs(value):g} {si}; where it is {abs(value):g} {unit}, as the "
+                        f'input is, say units = {{ amplitude = "{unit}" }}']
 
 
 def _beside(

@@ -26,7 +26,7 @@ UNITS = {
     "sigma": {"abs": 0.0, "dB": 20.0},
     "coherence": {"1": 1.0, "%": 0.01},
 }
-KEYS = ("frequency", "magnitude", "phase", "sigma", "coherence", "input", "output")
+KEYS = ("frequency", "magnitude", "phase", "sigma", "coherence", "input", "output", "amplitude")
 _AKA = {
     "hertz": "Hz", "hz": "Hz", "khz": "kHz", "rad/s": "rad/s", "rads": "rad/s", "rad/sec": "rad/s", "rads^-1": "rad/s",
     "rads-1": "rad/s", "rads⁻¹": "rad/s", "rpm": "rpm", "rad": "rad", "radian": "rad", "radians": "rad", "deg": "deg",

@@ -111,6 +111,29 @@ def test_units_of_both_ends_scale_and_torque_constant(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_an_amplitude_is_in_si_or_in_a_unit_of_its_own(tmp_path: Path) -> None:
+    """Beside an input in another unit it is told how it was taken, as nobody could see a factor of 1000 later."""
+    text = rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG)
+    for extra, size, told in (
+        ("", 1e-3, False), ('units = { input = "N m" }\n', 1e-3, False), ('units = { input = "mNm" }\n', 1e-3, True),
+        ('units = { input = "mNm", amplitude = "mNm" }\n', 1e-6, False), ('units = { amplitude = "kNm" }\n', 1, False),
+    ):  # fmt: skip
+        (frf,) = dataset(tmp_path, text, extra=extra).frfs
+        assert frf.excitation is not None and np.allclose(frf.excitation, size)
+        said = "taken as 0.001 N m; where it is 0.001 mNm, as the input is, say units = { amplitude = \"mNm\" }"
+        assert (said in " ".join(frf.notes)) is told
+    with pytest.raises(DataError, match=r"units\.amplitude: 'deg' measures"):
+        dataset(tmp_path, text, extra='units = { amplitude = "deg" }\n')
+    entry = ENTRY.replace("torque", "current").format("level.csv")
+    (tmp_path / "dataset.toml").write_text(f'[axis]\ntorque_constant = 0.2\n{entry}units = {{ input = "mA" }}\n')
+    (frf,) = load(tmp_path).frfs
+    assert np.allclose(frf.excitation, 0.2e-3) and "taken as 0.001 A; where it is 0.001 mA" in " ".join(frf.notes)
+    (tmp_path / "dataset.toml").write_text(entry.replace("current", "torque").replace("amplitude = 1e-3\n", "")
+                                           + 'units = { amplitude = "mNm" }\n')
+    with pytest.raises(DataError, match=r"units\.amplitude is of amplitude, which is not given"):
+        load(tmp_path)
+
+
 def test_what_we_write_comes_back(tmp_path: Path) -> None:
     read = dataset(tmp_path, to_csv([FRF("a", F, G)])).frfs[0]
     assert close(read)
