@@ -18,7 +18,7 @@ LAYERS = [
      "residual_maps", "native", "excitation", "free_motion", "spectra", "threads", "variances"},
     {"harmonics", "frf_units", "place_spectrum", "slow_signal"},
     {"record", "formats", "effect", "score"},
-    {"effects", "columns", "frf", "frf_table", "repeats", "distortion", "resonance"},
+    {"effects", "columns", "frf", "frf_table", "passivity", "repeats", "distortion", "resonance"},
     {"frf_noise"},
     {"servo_run", "plant", "coordinates", "grid", "sampling", "encoder"},
     {"servo_observation", "between_samples"},

@@ -17,9 +17,10 @@ from ..logs import columns
 from ..logs.columns import number, subtable
 from ..logs.measured_axis import Axis
 from . import frf_table
+from .passivity import expect_passive
 
 _FEWEST_POINTS = 5  # of a response that validates
-_KEYS = ("file", "response", "input", "output", "amplitude", "use", "columns", "units", "scale", "joint")
+_KEYS = ("file", "response", "input", "output", "amplitude", "use", "columns", "units", "scale", "conjugate", "joint")
 
 
 def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[FRF]:
@@ -32,7 +33,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
         axis: whose responses they are.
 
     Raises:
-        DataError: the file cannot be read, or what its columns and units are is not clear.
+        DataError: the file cannot be read, what its columns and units are is not clear, or no axis answers like that.
     """
     name, use = columns.file_and_use(entry, _KEYS, key)
     try:
@@ -46,6 +47,8 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
             constant = axis.constant("the input is current, not torque: axis.torque_constant [N m/A] is needed")
         amplitude = number(entry, "amplitude", "", drive_unit(source, axis.joint.kind) if source in INPUTS else "")
         scale = number(entry, "scale", "", "SI per raw number")
+        if not isinstance(conjugate := entry.get("conjugate", False), bool):
+            raise DataError(f"conjugate must be true or false; {conjugate!r} given")
         if not os.path.isfile(folder / name):
             raise DataError(f"no such file: {name}; {formats.beside(folder / name)}")
         parts = frf_table.parts(formats.read(folder / name), entry.get("response"))
@@ -58,15 +61,16 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> list[F
             for f in frf_table.levels_from_table(
                 table, Path(name).name + label, source, entry["output"],
                 columns=subtable(entry, "columns"), unit=subtable(entry, "units"), scale=scale,
-                amplitude=amplitude, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
+                amplitude=amplitude, conjugate=conjugate, kind=axis.joint.kind, count=axis.joint.resolution, use=use,
             )
         ]  # fmt: skip
+        if source == "current":
+            sign, phase = frf_table.other_ways(scale, conjugate)
+            sign = sign if axis.in_amperes else f"axis.torque_constant = {-constant:g}"
+            found = [expect_passive(_from_torque(f, constant, axis.joint.kind), sign, phase) for f in found]
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
-    if source != "current":
-        return found
-    way_out = "scale = -1" if axis.in_amperes else "axis.torque_constant the other sign"
-    return [frf_table.doubted(_from_torque(f, constant, axis.joint.kind), f"or {way_out}") for f in found]
+    return found
 
 
 def _from_torque(frf: FRF, constant: float, kind: str) -> FRF:

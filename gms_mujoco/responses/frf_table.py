@@ -18,6 +18,7 @@ from ..errors import DataError, listing
 from ..formats import LARGEST, Table, why_unusable
 from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, response_unit
 from . import frf_units
+from .passivity import expect_passive
 from .repeats import average_repeats, levels
 
 Array = NDArray[np.float64]
@@ -34,7 +35,6 @@ _NAMES = {
     "sigma": r"sigma|std|standard deviation",
 }
 RESPONSE, SINE = "response", "sine"  # columns of several responses in one file: its number, and `FRF.sine` as 1 or 0
-_LEADS = 0.3  # sine of a phase, more than a measured one errs
 _SCATTERS = 0.3  # of the response: more than repeats differ
 _OURS = re.compile(rf"# (\d+): .*?: ({'|'.join(OUTPUTS)}) over (\w+) \[(.*?)\](?:;.*)?$")  # a comment of `to_csv`
 _FEW = 6  # quantities at most in a file that has a line for each
@@ -58,6 +58,7 @@ def levels_from_table(
     unit: Mapping[str, Any] | None = None,
     scale: float | None = None,
     amplitude: float | None = None,
+    conjugate: bool = False,
     kind: str = "hinge",
     count: float | None = None,
     use: str = "fit",
@@ -76,11 +77,13 @@ def levels_from_table(
         scale: multiplies the response; with it, or with a unit of input or output, that of the file does not count.
         amplitude: of the input during the measurement, in SI ([N m], of a current [A]) whatever unit the input has in
             the file, or in that of `unit`.
+        conjugate: the file is for signals of the form exp(-i w t), in which a motion that lags has a positive phase.
         kind, count: joint kind and one encoder count [rad], for the units of input and output.
         use: of the result.
 
     Raises:
-        DataError: a column is missing, ambiguous or holds what cannot be, and how to settle it.
+        DataError: a column is missing, ambiguous or holds what cannot be, or no axis answers a torque like that, and
+            how to settle it.
     """
     for key, value, names in (("input", input, INPUTS), ("output", output, OUTPUTS)):
         if value not in names:
@@ -110,6 +113,8 @@ def levels_from_table(
         _expect_quantities(table, raw, input, output, response_unit(input, output, kind))
     factor, stated = _factor(raw, table.units, declared, sides, scale)
     response = factor * _response(raw, found)
+    if conjugate:
+        response = response.conj()
     extra = _beside(raw, table.units, declared, sides, found, np.abs(response), abs(factor))
     zero = np.flatnonzero(response == 0)
     if len(zero):
@@ -125,6 +130,8 @@ def levels_from_table(
     how = ", ".join(read) + (" and real and imaginary part" if "real" in raw else "")
     if stated and factor != 1:
         how += f", stated in {stated}"
+    if conjugate:
+        how += ", of exp(-i w t)"
     unit_ = response_unit(input, output, kind)
     what = f"{output} over {input} [{unit_}] from {how}"
     masks = levels(frequency, extra["excitation"]) if "excitation" in extra else [np.ones(len(frequency), bool)]
@@ -140,8 +147,13 @@ def levels_from_table(
         single = None if sine is None else bool(sine[here].all() if len(sine) == len(here) else sine.all())
         f = FRF(name + label, where, mean, input, output, unit_, use=use, sine=single, notes=(what, said, *told),
                 **values)
-        out.append(doubted(f) if input in ("torque", "load") else f)
+        out.append(expect_passive(f, *other_ways(scale, conjugate)) if input in ("torque", "load") else f)
     return out
+
+
+def other_ways(scale: float | None, conjugate: bool) -> tuple[str, str]:
+    """What turns the sign of a response that was read so, and that of its phase."""
+    return f"scale = {-(scale or 1):g}", f"conjugate = {str(not conjugate).lower()}"
 
 
 def _averaged(
@@ -163,15 +175,6 @@ def _averaged(
     return where, mean, said, values
 
 
-def doubted(frf: FRF, way_out: str = "a torque of the other sign scale = -1") -> FRF:
-    """The response from torque, with a note where no passive axis answers like that."""
-    if not _gives_energy(frf.frequency, frf.response, frf.output):
-        return frf
-    said = ("the motion leads the torque where it counts, as that of no passive axis does: a response for "
-            f"exp(-i w t) needs another sign of its phase, {way_out}")
-    return replace(frf, notes=(*frf.notes, said))
-
-
 def _expect_quantities(table: Table, raw: frf_units.Raw, input: str, output: str, unit: str) -> None:
     """Raises DataError where the file says that it holds the response of something else."""
     over, under = table.quantities.get(raw["real" if "real" in raw else "magnitude"][1], ("", ""))
@@ -184,13 +187,6 @@ def _expect_quantities(table: Table, raw: frf_units.Raw, input: str, output: str
         if float(m[1]) in table.columns[RESPONSE] and (m[2], m[3], m[4]) != (output, input, unit):
             raise DataError(f"the file says that response {m[1]} is {m[2]} over {m[3]} [{m[4]}]; {output} over {input} "
                             f"[{unit}] was asked for: input, output or axis.kind are others")
-
-
-def _gives_energy(frequency: Array, response: Complex, output: str) -> bool:
-    """Whether the position leads the torque where most of it is in quadrature, so that the axis would give energy."""
-    position = response / (2j * math.pi * frequency) ** list(OUTPUTS).index(output)
-    most = position[np.abs(position.imag).argmax()]
-    return bool(most.imag > _LEADS * abs(most))
 
 
 def parts(table: Table, chosen: Any = None) -> list[tuple[str, Table]]:

@@ -168,26 +168,38 @@ def test_several_responses_in_a_file_come_back_each_with_what_it_has(tmp_path: P
             load(tmp_path)
 
 
-def test_a_response_that_would_give_energy_is_doubted(tmp_path: Path) -> None:
-    """Conjugate, or of a torque with the other sign; a delay alone makes none of that."""
+def test_a_response_that_would_give_energy_is_refused(tmp_path: Path) -> None:
+    """Conjugate, or of a torque with the other sign; a delay alone makes none of that. What is said helps."""
     late = G * np.exp(-2j * np.pi * F * 1e-3)
-    for response, doubted in ((G, False), (late, False), (G.conj(), True), (-G, True)):
+    for response, way_out in ((G, ""), (late, ""), (G.conj(), "conjugate = true"), (-G, "scale = -1")):
         for power, output in ((0, "position"), (1, "velocity")):
-            h = response * (2j * np.pi * F) ** power
-            text = rows("f [Hz],real,imag", F, h.real, h.imag)
-            (tmp_path / "level.csv").write_text(text)
-            (tmp_path / "dataset.toml").write_text(ENTRY.format("level.csv").replace("position", output))
-            assert ("passive" in " ".join(load(tmp_path).frfs[0].notes)) is doubted
+            by = (2j * np.pi * F) ** power
+            h = response * (by.conj() if "conj" in way_out else by)
+            (tmp_path / "level.csv").write_text(rows("f [Hz],real,imag", F, h.real, h.imag))
+            entry = ENTRY.format("level.csv").replace("position", output)
+            (tmp_path / "dataset.toml").write_text(entry)
+            if way_out:
+                with pytest.raises(DataError, match=f"no passive axis does; .*{way_out}$"):
+                    load(tmp_path)
+                (tmp_path / "dataset.toml").write_text(entry + way_out + "\n")
+            (frf,) = load(tmp_path).frfs
+            assert close(frf, (late if response is late else G) * (2j * np.pi * F) ** power)
+            assert "passive" not in " ".join(frf.notes) and ("of exp(-i w t)" in frf.notes[0]) is ("conj" in way_out)
+    (tmp_path / "dataset.toml").write_text(ENTRY.format("level.csv") + "conjugate = 1\n")
+    with pytest.raises(DataError, match="conjugate must be true or false; 1 given"):
+        load(tmp_path)
 
 
 def test_the_sign_of_a_torque_constant_is_part_of_the_response(tmp_path: Path) -> None:
     entry = ENTRY.replace("torque", "current").format("level.csv")
-    for constant, sign, doubted in ((-0.2, -1, False), (0.2, 1, False), (0.2, -1, True), (-0.2, 1, True)):
+    for constant, sign, wrong in ((-0.2, -1, False), (0.2, 1, False), (0.2, -1, True), (-0.2, 1, True)):
         (tmp_path / "level.csv").write_text(rows("f [Hz],real,imag", F, 0.2 * sign * G.real, 0.2 * sign * G.imag))
         (tmp_path / "dataset.toml").write_text(f"[axis]\ntorque_constant = {constant}\n{entry}")
-        (frf,) = load(tmp_path).frfs
-        assert close(frf, -G if doubted else G)
-        assert ("or axis.torque_constant the other sign" in frf.notes[-1]) is doubted
+        if wrong:
+            with pytest.raises(DataError, match=rf"frf 1 \(level\.csv\): .* say axis\.torque_constant = {-constant}$"):
+                load(tmp_path)
+        else:
+            assert close(load(tmp_path).frfs[0])
 
 
 def test_a_file_that_says_what_it_is_is_taken_for_nothing_else(tmp_path: Path) -> None:
@@ -367,7 +379,8 @@ def layouts(draw: st.DrawFn) -> tuple[str, str, str, np.ndarray, np.ndarray]:
 def test_any_layout_gives_the_response_back(layout: tuple, tmp_path: Path) -> None:
     text, suffix, said, f, g = layout
     (tmp_path / f"level.{suffix}").write_bytes(text.encode())
-    (tmp_path / "dataset.toml").write_text(ENTRY.format(f"level.{suffix}") + said)
+    entry = ENTRY.format(f"level.{suffix}").replace("torque", "voltage")  # an axis that answers a torque is passive
+    (tmp_path / "dataset.toml").write_text(entry + said)
     frf = load(tmp_path).frfs[0]
     assert np.allclose(frf.frequency, f, rtol=1e-7) and np.allclose(frf.response, g, rtol=1e-7)
 
