@@ -35,6 +35,7 @@ from .effect import Effect
 from .errors import DataError
 from .frf import FRF, usable
 from .plant import Plant, slide_unit
+from .responses.frf_noise import incoherence
 from .responses.harmonics import Balance, balance, fundamental, motion
 from .responses.resonance import Resonance, find_resonance, secant_curve, slope_curve
 
@@ -191,7 +192,8 @@ def identify_dahl(
     grid, p, q = _columns(size)
     # What friction can do at a point, so that points on the mass line do not outweigh those that know friction.
     rough = float(np.median(np.abs(inverse.real[omega <= np.median(omega)])))
-    spread = np.hypot(sigma * np.abs(inverse) ** 2, _MODEL_ERROR * (np.abs(inverse) + rough))
+    worse = np.concatenate([incoherence(f) for f in all_])
+    spread = worse * np.hypot(sigma * np.abs(inverse) ** 2, _MODEL_ERROR * (np.abs(inverse) + rough))
     mass = omega**2
     known = 0.0 if inertia is None else inertia
     column = mass if inertia is None else np.zeros(len(mass))
@@ -228,7 +230,7 @@ def identify_dahl(
             harmonic = new if i == _ROUNDS - 1 else 0.5 * (harmonic + new)
         # Weights of the fitted values: the measured ones would favour points that noise has made small.
         near = np.clip(np.abs(fitted), 0.1 * np.abs(inverse), 3 * np.abs(inverse))
-        spread = np.hypot(sigma * near**2, _MODEL_ERROR * (near + np.abs(friction)))
+        spread = worse * np.hypot(sigma * near**2, _MODEL_ERROR * (near + np.abs(friction)))
         spread = np.hypot(spread, _CORRECTION_ERROR * np.abs(harmonic))
     if total <= 0:
         raise DataError("the responses do not fall along a mass line; are they from torque to position?")

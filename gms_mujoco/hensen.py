@@ -30,6 +30,7 @@ from .errors import DataError
 from .frf import FRF, with_amplitude
 from .plant import Plant
 from .record import Record
+from .responses.frf_noise import incoherence
 
 Array = NDArray[np.float64]
 
@@ -118,7 +119,7 @@ def identify_lugre(
     relative = np.concatenate(
         [np.full(len(f), _WORST) if f.sigma is None else np.maximum(f.sigma / np.abs(f.response), _WORST) for f in near]
     )
-    spread = np.tile(relative * np.abs(inverse), 2)
+    spread = np.tile(relative * np.concatenate([incoherence(f) for f in near]) * np.abs(inverse), 2)
     zero, one = np.zeros(len(omega)), np.ones(len(omega))
     columns = [np.append(one, zero), np.append(zero, omega)]  # stiffness, damping
     if inertia is None:

@@ -72,6 +72,23 @@ def test_every_parameter_comes_back_from_responses_alone(fitted: gms.FitResult) 
     assert fitted.error < 1.2 * fitted.floor < 0.02
 
 
+def test_points_without_coherence_do_not_ruin_a_fit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    entries = ""
+    for i, f in enumerate(sweep(AXIS, levels=4)):
+        bad = np.flatnonzero(f.frequency > 90)[1:4]
+        response, coherence = f.response.copy(), rng.uniform(0.99, 0.9999, len(f))
+        response[bad] *= 1 + rng.normal(size=3) + 1j * rng.normal(size=3)
+        coherence[bad] = 0.2
+        table = np.column_stack([f.frequency, response.real, response.imag, coherence])
+        np.savetxt(tmp_path / f"{i}.csv", table, delimiter=",", header="f [Hz],real,imag,coherence", comments="")
+        entries += (f'[[frf]]\nfile = "{i}.csv"\ninput = "torque"\noutput = "position"\nuse = "fit"\n'
+                    f"amplitude = {float(np.median(f.excitation))}\n")
+    (tmp_path / "dataset.toml").write_text(entries)
+    found = fit(UNKNOWN, load(tmp_path).fit).plant
+    assert found.inertia == pytest.approx(J, rel=0.01) and found["gms"].coulomb == pytest.approx(LEVEL, rel=0.02)
+
+
 FOUR = effects.GMS(
     stiffness=[0.8, 0.4, 0.2, 0.1], fraction=[0.1, 0.2, 0.3, 0.4], coulomb=LEVEL, static=5.2e-3, stribeck_velocity=0.3,
     attraction=0.5,

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..comparison.score import TORQUE
 from ..frf import FRF, join_sines, usable
 from ..plant import Plant
-from ..responses.frf_noise import beside, roughness
+from ..responses.frf_noise import beside, has_sigma, incoherence, roughness
 from ..responses.harmonics import ORDERS, balance
 from ..responses.sines import Sines
 from .inverse import Observation
@@ -209,17 +209,13 @@ def relative_deviation(frf: FRF) -> Array:
     """(n,) standard deviation of a response relative to its size.
 
     From sigma, smoothed over neighbours, for it is known from a few repeats only; where there is none, from how far
-    points stand from a smooth curve through their neighbours.
+    points stand from a smooth curve through their neighbours, those of less coherence further (`incoherence`).
     """
-    if _has_sigma(frf):
+    if has_sigma(frf):
         share = np.asarray(frf.sigma) / np.abs(frf.response)
         usual = scipy.ndimage.median_filter(share, min(5, len(frf)), mode="nearest")
         return np.asarray(np.maximum(usual, 0.5 * share))
-    return np.full(len(frf), roughness(frf))
-
-
-def _has_sigma(frf: FRF) -> bool:
-    return frf.sigma is not None and bool(np.any(frf.sigma > 0))
+    return roughness(frf) * incoherence(frf)
 
 
 def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:
@@ -229,7 +225,7 @@ def observe_frfs(frfs: Sequence[FRF]) -> list[FrfObservation]:
     known = np.concatenate(shares)
     usual = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else _UNKNOWN
     return rescaled([
-        FrfObservation(f, _deviation(f, np.where(np.isfinite(share), share, usual)))
+        FrfObservation(f, _deviation(f, np.where(np.isfinite(share), share, usual * incoherence(f))))
         for f, share in zip(found, shares, strict=True)
     ])  # fmt: skip
 
@@ -272,7 +268,7 @@ def _retold(observations: Sequence[FrfObservation], plant: Plant) -> list[FrfObs
 
 def _told_beside(observations: Sequence[FrfObservation], plant: Plant) -> dict[int, Array]:
     """(n,) deviation that is told beside `plant`, by the number of each without sigma; none where none is."""
-    bare = {k: o for k, o in enumerate(observations) if not _has_sigma(o.frf)}
+    bare = {k: o for k, o in enumerate(observations) if not has_sigma(o.frf)}
     shares = beside([o.frf for o in bare.values()], [o.model_response(plant) for o in bare.values()])
     if shares is None:
         return {}
@@ -281,7 +277,7 @@ def _told_beside(observations: Sequence[FrfObservation], plant: Plant) -> dict[i
 
 def tells_another_noise(plant: Plant, observations: Sequence[Seen]) -> bool:
     """Whether some response without sigma is worth much more or less beside `plant` than it is taken for."""
-    bare = settled([o for o in observations if isinstance(o, FrfObservation) and not _has_sigma(o.frf)], plant)
+    bare = settled([o for o in observations if isinstance(o, FrfObservation) and not has_sigma(o.frf)], plant)
     ratios = [float(np.median(d / bare[k].deviation)) for k, d in _told_beside(bare, plant).items()]
     return any(not 1 / _ANOTHER < r < _ANOTHER for r in ratios)
 

@@ -2,10 +2,11 @@
 
 Averaging leaves a share of the response, the encoder an error of the position and the drive one of the torque, which
 are the same at every point. The three are told from all points of an axis together, beside the response of a plant: its
-resonances bend a curve between few points as noise would. Without a plant each response has a share of its own.
+resonances bend a curve between few points as noise would. Without a plant each response has a share of its own. A
+coherence says which points are worse than others; over how many averages it was told nobody knows, so it says no more.
 
-Source: Kotz and Nadarajah, Multivariate t Distributions and Their Applications (2004), for what bends the curve
-nevertheless.
+Sources: Bendat and Piersol, Random Data, 4th ed. (2010), table 9.6, for the coherence; Kotz and Nadarajah, Multivariate
+t Distributions and Their Applications (2004), for what bends the curve nevertheless.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ Complex = NDArray[np.complex128]
 _FEWEST = 4  # points with neighbours, from which noise can be told
 _QUANTILE = 0.3
 _MOST = 0.3  # of a response: nobody keeps a point that is noisier, and a plant that makes one so lacks something
+_COHERENT = 0.999  # coherence: files round what is closer to 1, and that it tells no more
 _OF_NORMAL = 0.6100  # variance that the distribution with long tails gives to a complex normal one of variance 1
 
 
@@ -41,11 +43,29 @@ def beside(frfs: Sequence[FRF], models: Sequence[Complex]) -> list[Array] | None
         return None
     variance = _told(gaps)
     found = [np.sqrt(_sources(f) @ variance) for f in frfs]
-    return found if max(float(x.max()) for x in found) < _MOST else None
+    most = max(float((x / incoherence(f)).max()) for x, f in zip(found, frfs, strict=True))
+    return found if most < _MOST else None
+
+
+def incoherence(frf: FRF) -> Array:
+    """(n,) by which a point is worse than the good ones of its response, by its coherence; 1 where nothing says that.
+
+    The deviation of a response goes with sqrt((1 - c) / c) at a coherence c.
+    """
+    if frf.coherence is None or has_sigma(frf):
+        return np.ones(len(frf))
+    c = np.clip(frf.coherence, 1 - _COHERENT, _COHERENT)
+    share = np.sqrt((1 - c) / c)
+    return np.asarray(np.maximum(share / np.quantile(share, _QUANTILE), 1.0))
+
+
+def has_sigma(frf: FRF) -> bool:
+    """Whether the deviation of the response was measured."""
+    return frf.sigma is not None and bool(np.any(frf.sigma > 0))
 
 
 def roughness(frf: FRF) -> float:
-    """How far a point stands from a smooth curve through its four neighbours, relative; nan with fewer than 8 points.
+    """How far a good point is from a smooth curve through its four neighbours, relative; nan with fewer than 8 points.
 
     Most of what bends the curve is kept out by a low quantile over the points.
     """
@@ -86,9 +106,10 @@ def _gaps(frfs: Sequence[FRF], models: Sequence[Complex] | None = None) -> _Gaps
 
 def _sources(frf: FRF) -> Array:
     """(n, 3) relative variance that a unit of variance makes: of the response, of the position and of the torque."""
+    one, worse = np.ones(len(frf)), incoherence(frf)[:, None] ** 2
     if frf.amplitude is None:
-        return np.column_stack([np.ones(len(frf)), np.zeros((len(frf), 2))])
-    return np.column_stack([np.ones(len(frf)), 1 / frf.amplitude**2, np.abs(frf.response / frf.amplitude) ** 2])
+        return worse * np.column_stack([one, np.zeros((len(frf), 2))])
+    return worse * np.column_stack([one, 1 / frf.amplitude**2, np.abs(frf.response / frf.amplitude) ** 2])
 
 
 def _told(gaps: _Gaps) -> Array:

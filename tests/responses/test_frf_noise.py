@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gms_mujoco.frf import FRF
-from gms_mujoco.responses.frf_noise import beside, roughness
+from gms_mujoco.responses.frf_noise import beside, incoherence, roughness
 
 J = 2.4e-5
 FREQUENCY = np.geomspace(5, 200, 40)
@@ -66,6 +66,22 @@ def test_bad_points_count_for_little() -> None:
     clean, dirty = (beside(f, [ONE_MASS] * len(LEVELS)) for f in (frfs, [bad, *frfs[1:]]))
     assert clean is not None and dirty is not None
     assert np.median(np.concatenate(dirty)) < 1.3 * np.median(np.concatenate(clean))
+
+
+def test_points_of_less_coherence_are_worse_by_what_it_says() -> None:
+    """The level stays that of the good points, so that nobody needs to know over how many averages it was told."""
+    coherence = np.where(FREQUENCY > 100, 0.2, 0.99)
+    worse = np.sqrt((1 - coherence) / coherence) / np.sqrt(0.01 / 0.99)
+    rng = np.random.default_rng(5)
+    good = measured(ONE_MASS, 0.01)
+    bad = [replace(f, coherence=coherence, response=f.response * (1 + 0.01 * (worse - 1) * normal(rng))) for f in good]
+    assert np.allclose(incoherence(bad[0]), worse) and np.all(incoherence(good[0]) == 1)
+    assert np.all(incoherence(replace(bad[0], sigma=np.abs(ONE_MASS))) == 1)  # what was measured says more
+    assert np.all(incoherence(replace(bad[0], coherence=np.where(FREQUENCY > 100, 0.9999, 1.0))) == 1)
+    assert roughness(bad[0]) == pytest.approx(0.01, rel=0.5)
+    told = beside(bad, [ONE_MASS] * len(LEVELS))
+    assert told is not None
+    assert all(abs(np.median(np.log(t / (0.01 * worse)))) < 0.3 for t in told)
 
 
 def test_a_plant_that_lacks_a_resonance_tells_nothing_or_no_less_than_there_is() -> None:
