@@ -36,7 +36,6 @@ PROGRAM = "gms-mujoco"
 _MOST_ELEMENTS = 32
 _RESULTS = ("diagnosis.json", "baseline.toml", "model.toml", "report.html", "recording.rrd")  # of a diagnosis
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of writing, here without a name: what is printed
-_COHERENT = 0.5  # coherence below which a resonance may be noise or friction that has no amplitude of its own there
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -323,7 +322,8 @@ def _fleet(options: argparse.Namespace) -> None:
 def _frf(options: argparse.Namespace) -> None:
     from .dahl_resonance import identify_dahl
     from .frf import estimate_frf, join_sines, to_csv
-    from .responses.resonance import antiresonances, find_resonance
+    from .responses.resonance import COHERENT, antiresonances, find_resonance
+    from .responses.spectra import NO_PERIOD
 
     output = _expect_suffix(options.output, ".csv") if options.output else None
     for key in ("period", "segment"):
@@ -341,6 +341,9 @@ def _frf(options: argparse.Namespace) -> None:
             found.append(estimate_frf(record, **way))
         except DataError as error:
             print(f"{PROGRAM}: warning: left out: {error}", file=sys.stderr)
+            continue
+        if (note := found[-1].notes[0]).startswith(NO_PERIOD):
+            print(f"{record.name}: {note}; say --period or --segment where you know one", file=sys.stderr)
     if not found:
         raise DataError(f"{options.dataset}: no record gives a frequency response")
     found = join_sines(found)
@@ -357,7 +360,7 @@ def _frf(options: argparse.Namespace) -> None:
         tuned = "none" if resonance is None else f"{resonance.frequency:.4g}"
         if resonance and f.coherence is not None:
             nearest = abs(f.frequency - resonance.frequency).argmin()
-            tuned = tuned if f.coherence[nearest] > _COHERENT else "unclear"
+            tuned = tuned if f.coherence[nearest] > COHERENT else "unclear"
         coherence = "" if f.coherence is None else f"{sum(f.coherence) / len(f):.4f}"
         print(f"{f.name[:28]:28} {len(f):6} {f.frequency[0]:10.4g} {f.frequency[-1]:10.4g} {size:>22} {tuned:>14} "
               f"{coherence:>9}")

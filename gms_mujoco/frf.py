@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .errors import DataError, listing
 from .record import UNITS, USES, Record
-from .responses.spectra import add_quantisation, find_period, periodic, repeats, welch
+from .responses.spectra import add_quantisation, find_noisy_period, find_period, periodic, repeats, welch
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -260,8 +260,9 @@ def estimate_frf(
     """Estimates a frequency response.
 
     Where the input repeats itself, whole periods are averaged, after the first ones are discarded; the points are the
-    excited lines. Otherwise averaged windowed segments are used (Welch). Both are H = S_yr / S_ur with r = u ("h1")
-    or r the reference of a closed loop ("indirect", without the bias that feedback of noise gives h1).
+    excited lines, those that stand above the noise by which periods differ. Otherwise averaged windowed segments are
+    used (Welch). Both are H = S_yr / S_ur with r = u ("h1") or r the reference of a closed loop ("indirect", without
+    the bias that feedback of noise gives h1).
     One strong line with weak ones beside it is a sine that the loop or the drive distorts: it gives one point. What
     still moves freely beside it is taken off, and its noise is read from the lines between its harmonics (see
     `find_free_motion`), where three on each side can be told apart.
@@ -274,7 +275,8 @@ def estimate_frf(
         input, output: signals of the records; output "velocity" is taken as it was recorded.
         method: "h1" or "indirect".
         reference: (n,) for each record, for "indirect"; None: the signal of that name.
-        period: of the excitation [s], a whole number of samples; None: found from the input (`find_period`).
+        period: of the excitation [s], a whole number of samples; None: found from the input
+            (`find_period`, `find_noisy_period`).
         transient: periods discarded at the start; None: one, or a quarter of the shortest record where that is more.
         segment: length of Welch segments [s] for excitation without period; None: an eighth of the shortest record.
         hold: the input is held from sample to sample by the drive; the response is corrected for it. None: unless the
@@ -330,7 +332,7 @@ def estimate_frf(
         if len(references) != len(runs):
             raise DataError(f"{len(references)} references for {len(runs)} records; one each is needed")
     if period is None and segment is None:
-        found = {find_period(x) for x in references}
+        found = {find_period(x) or find_noisy_period(x) for x in references}
         samples = found.pop() if len(found) == 1 else None
     else:
         samples = None if period is None else round(period / h)
@@ -344,7 +346,7 @@ def estimate_frf(
             transient = max(1, math.ceil(0.25 * min(map(len, inputs)) / samples - 0.01))
         for r, x in zip(runs, references, strict=True):
             if period is not None and not repeats(x[int(transient) * samples :], samples):
-                found_at = find_period(x)
+                found_at = find_period(x) or find_noisy_period(x)
                 better = f", but with one of {found_at * h:g} s" if found_at else "; leave it out, or give another"
                 raise DataError(f"{r.name}: the input does not repeat with a period of {period:g} s{better}")
         found_ = periodic(title, inputs, outputs, references, samples, transient, h)

@@ -323,9 +323,18 @@ def test_frf_of_a_closed_loop_is_the_indirect_one_where_its_reference_was_logged
     exact = estimate_frf(with_reference, method="indirect", period=0.5)
     assert np.allclose(found["loop"].response, exact.response)
     assert np.allclose(exact.response, loop.frf().response, rtol=1e-6)
-    assert len(found["loop"]) == 12 < len(found["plain"])  # noise that is fed back looks excited without a reference
+    assert len(found["loop"]) == 12 == len(found["plain"])  # noise that is fed back excites nothing
     with pytest.raises(DataError, match="needs the reference of the loop"):
         estimate_frf(r, method="indirect", period=0.5)
+
+
+def test_frf_says_where_it_found_no_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    axis = Plant.axis(2.4e-5) + effects.Spring(stiffness=0.5) + effects.Viscous(coefficient=1e-3)
+    save(tmp_path, [simulate(axis, 1e-3 * np.random.default_rng(1).normal(size=8000), 5e-4, name="random")])
+    for more, said in (([], True), (["--segment", "0.5"], False)):
+        assert cli.main(["frf", str(tmp_path), *more]) == 0
+        line = "no period was found in the input: 15 half-overlapped Hann segments of 0.5 s; say --period or --segment"
+        assert (line in capsys.readouterr().err) is said
 
 
 def test_frf_of_a_folder_with_responses_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..frf import FRF, OUTPUTS, Complex
+from .resonance import COHERENT
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,6 @@ _SIGN, _PHASE = "of a torque of the other sign", "of a response for exp(-i w t)"
 _LEADS = 0.3  # sine of a phase, more than a measured one errs
 _STRONGEST = 5  # points in quadrature, which all must lead: noise alone seldom makes that
 _SURE = 2.0  # standard deviations
-_COHERENT = 0.5  # coherence below which a point says nothing of a phase
 _CLEAR = 0.5  # of a phase that turns one way
 _ALONG = 0.7  # cosine of a phase that stays with the torque, or against it
 _DECADES = 0.5  # that a mass line has at least: over so many no delay keeps its phase
@@ -83,7 +83,7 @@ def _tells(frf: FRF, position: Complex) -> NDArray[np.bool_]:
     if frf.sigma is not None:
         told &= np.abs(position.imag / position) * np.abs(frf.response) > _SURE * frf.sigma
     if frf.coherence is not None:
-        told &= frf.coherence > _COHERENT
+        told &= frf.coherence > COHERENT
     return told
 
 

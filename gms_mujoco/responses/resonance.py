@@ -17,6 +17,7 @@ Complex = NDArray[np.complex128]
 
 _MASS_LINE = 4.0  # times the resonance: where the mass line begins
 _DEEP = 2.0  # times its magnitude, that a response must reach on both sides of an antiresonance
+COHERENT = 0.5  # coherence below which a point may be noise, or friction that has no amplitude of its own there
 _SURE = 4.0  # standard deviations, by which it must
 
 
@@ -166,11 +167,15 @@ def antiresonances(frf: FRF) -> list[tuple[float, float, float]]:
 
     On both sides of one the magnitude reaches at least twice what it is there, by more than the noise, before it falls
     below. Medians of three points must see that, so that one outlier makes no dip; a dip with fewer than eight points
-    between its shoulders is not read.
+    between its shoulders is not read. Points without coherence are left out: what is seen by them alone is none.
 
     Returns:
         Frequency, and the ends of its interval [Hz], from low to high.
     """
+    if frf.coherence is not None and np.any(low := frf.coherence <= COHERENT):
+        if low.all():
+            return []
+        frf = frf.where(~low)
     size = np.abs(frf.response)
     sigma = np.zeros(len(frf)) if frf.sigma is None else frf.sigma
     sure = size - _SURE * sigma  # at least so large

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ..errors import DataError
@@ -15,33 +16,63 @@ Complex = NDArray[np.complex128]
 Found = tuple[Array, Complex, dict[str, Array], str]
 """Frequencies [Hz], responses, what else is known of each (sigma, coherence ...), and a sentence on how."""
 
+NO_PERIOD = "no period was found in the input"
+_REPEATS = 0.005  # of its energy, but for which a signal repeats itself
+_MOST_NOISE = 0.1  # of the energy of a signal whose period is looked for
 _SINE = 0.3  # the input is one sine where every other line is below this part of the strongest
 _ALIKE = 0.9  # times how well a signal repeats with its best period: a period that is another
 _HARDLY = 0.05  # correlation of a signal that does not repeat at all
-_LINE = 0.02  # a line is excited where its input is above this part of the strongest line
+_LINE = 0.02  # a line is excited where its input is above this part of the strongest line, and no noise
+_NEAR = 31  # lines about one that tell its noise
+_CHANCE = 0.01  # that any line of noise alone is taken for an excited one
 
 
 def find_period(x: Array) -> int | None:
     """Samples after which a signal (n,) repeats itself, None where it does not, or less than twice."""
-    likeness, n = _likeness(x), len(x)
-    if likeness is None:
+    likeness = _likeness(x)
+    return None if likeness is None else _period(likeness, len(x), _REPEATS)
+
+
+def find_noisy_period(x: Array) -> int | None:
+    """The same of a signal with white noise of up to a tenth of its energy: it repeats but for that."""
+    likeness, share = _likeness(x), _white_share(x)
+    if likeness is None or not 0 < share < _MOST_NOISE:
         return None
+    allowed = share + 4 * math.sqrt(share / len(x))
+    return _period(likeness, len(x), _REPEATS + allowed, allowed)
+
+
+def _white_share(x: Array) -> float:
+    """Of the energy of a signal (n,): what every frequency has, as the median of the spectrum tells it."""
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x))))[1:] ** 2
+    return float(np.median(power) / math.log(2) / max(power.mean(), 1e-300)) if len(power) else 0.0
+
+
+def _period(likeness: Array, n: int, worst: float, jagged: float = 0.0) -> int | None:
+    """The first period with which a signal of n samples repeats but for `worst` of its energy.
+
+    Args:
+        likeness: of the signal, see `_likeness`.
+        n: samples of it.
+        worst: share of its energy.
+        jagged: how far a maximum of `likeness` must fall off to be told from noise.
+    """
     away = np.flatnonzero(likeness < 0.8)
     if not len(away):
         return None
     later = likeness[away[0] :]
     best = later.max()
-    if best < 0.995:
+    if best < 1 - worst:
         return None
     peaks = np.flatnonzero(later > 1 - 2 * (1 - best) - 1e-9) + away[0]
     p = int(peaks[0])
-    p, exact = _climb(likeness, p)
+    p, exact = _climb(likeness, p, jagged)
     # A period that is no whole number of samples, as of most sines: its multiples tell it ever better, and several
     # periods together come close to a whole number.
     many = 1
     while round(2 * many * exact) < len(likeness) - 1:
         many *= 2
-        exact = _climb(likeness, round(many * exact))[1] / many
+        exact = _climb(likeness, round(many * exact), jagged)[1] / many
     most = max(int(n / 3 / exact), 1)
     off = np.array([abs(m * exact - round(m * exact)) for m in range(1, most + 1)])
     share = off / (exact * np.arange(1, most + 1))
@@ -76,9 +107,14 @@ def _likeness(x: Array) -> Array | None:
     return np.asarray(2 * product / np.maximum(both, 1e-300))
 
 
-def _climb(y: Array, at: int) -> tuple[int, float]:
-    """The local maximum near `at`: its index, and where the parabola through its neighbours has its own."""
+def _climb(y: Array, at: int, jagged: float = 0.0) -> tuple[int, float]:
+    """The local maximum near `at`: its index, and where the parabola through its neighbours has its own.
+
+    Where the curve is `jagged`, that of the hill about it, down to where it is lower by a few times as much.
+    """
     at = min(max(at, 1), len(y) - 1)
+    if jagged:
+        return _hilltop(y, at, 4 * jagged)
     while at + 1 < len(y) and y[at + 1] > y[at]:
         at += 1
     while at > 1 and y[at - 1] > y[at]:
@@ -87,6 +123,27 @@ def _climb(y: Array, at: int) -> tuple[int, float]:
         return at, float(at)
     bend = y[at - 1] - 2 * y[at] + y[at + 1]
     return at, at + (0.5 * (y[at - 1] - y[at + 1]) / bend if bend < 0 else 0.0)
+
+
+def _hilltop(y: Array, at: int, low: float) -> tuple[int, float]:
+    """The maximum of the parabola through a hill, down to `low` below its highest point."""
+    left = right = top = at
+    while True:  # where a way up is found the hill begins anew
+        while left > 1 and y[left] > y[top] - low:
+            left -= 1
+        while right < len(y) - 1 and y[right] > y[top] - low:
+            right += 1
+        higher = left + int(y[left : right + 1].argmax())
+        if higher == top:
+            break
+        left = right = top = higher
+    index = np.arange(left, right + 1)
+    if len(index) < 3:
+        return top, float(top)
+    bend, slope, _ = np.polyfit(index - top, y[index], 2)
+    exact = top - slope / (2 * bend) if bend < 0 else float(top)
+    exact = float(np.clip(exact, left, right))
+    return round(exact), exact
 
 
 def period_spectra(x: Array, n: int, transient: int) -> Complex:
@@ -111,7 +168,9 @@ def periodic(
     U, Y, R = ([period_spectra(x, n, transient) for x in xs] for xs in (us, ys, rs))
     strength = np.sqrt(np.mean([np.mean(np.abs(r) ** 2, 0) for r in R], 0))
     strength[0] = 0
-    lines = np.flatnonzero(strength > _LINE * strength.max()) if strength.max() > 0 else np.zeros(0, int)
+    excited = (strength > _LINE * strength.max()) & _stand_out(R)
+    excited[int(np.argmax(strength))] = strength.max() > 0
+    lines = np.flatnonzero(excited)
     lines = lines[lines < n / 2]
     if len(lines) > 1 and np.sort(strength)[-2] < _SINE * strength.max():
         lines = lines[[int(np.argmax(strength[lines]))]]
@@ -154,6 +213,24 @@ def periodic(
     if any(f.at_sine for f in free):
         note += ", free motion taken off"
     return lines / (n * h), response, values, note
+
+
+def _stand_out(periods: list[Complex]) -> NDArray[np.bool_]:
+    """Which lines of a signal are more than noise, of which periods (p, lines) of each record tell: it differs from one
+    to the next. All where no record has two.
+
+    The noise is the usual one of the lines about each, so that few periods tell it too.
+    """
+    count = sum(len(x) for x in periods)
+    if count == len(periods):
+        return np.ones(periods[0].shape[1], bool)
+    mean = sum(len(x) * np.abs(x.mean(0)) ** 2 for x in periods) / len(periods)
+    free = count - len(periods)
+    scatter = sum(np.sum(np.abs(x - x.mean(0)) ** 2, 0) for x in periods) / free
+    near = min(_NEAR, len(scatter))
+    noise = scipy.ndimage.median_filter(scatter, near, mode="nearest") / scipy.stats.gamma.median(free, scale=1 / free)
+    known = near * free / 2  # numbers that the noise is told by: of a median about half count
+    return np.asarray(mean > noise * known * ((len(noise) / _CHANCE) ** (1 / known) - 1))  # F, of 2 and 2 known
 
 
 def _free_motions(us: list[Array], ys: list[Array], n: int, transient: int, line: int) -> list[FreeMotion]:
@@ -209,4 +286,5 @@ def welch(name: str, us: list[Array], ys: list[Array], rs: list[Array], segment:
         left = np.mean(np.abs(Y[:, keep] - response * U[:, keep]) ** 2, 0) * len(U) / (len(U) - 1)
         values["sigma"] = np.sqrt(left * srr / count) / np.abs(su)
     frequency = (np.flatnonzero(keep) + 2) / (n * h)
-    return frequency, response, values, f"{len(U)} half-overlapped Hann segments of {n * h:g} s"
+    why = f"{NO_PERIOD}: " if segment is None else ""
+    return frequency, response, values, f"{why}{len(U)} half-overlapped Hann segments of {n * h:g} s"

@@ -46,3 +46,14 @@ def test_a_mass_line_has_no_antiresonance_in_its_noise() -> None:
     outlier = curve.copy()
     outlier[30] /= 10
     assert antiresonances(FRF("a", f, outlier)) == []
+
+
+def test_a_dip_of_points_without_coherence_is_no_antiresonance() -> None:
+    f = np.geomspace(1, 100, 120)
+    line, dip = 1 / (0.5 + 6e-3j * f - 9.5e-4 * f**2), (7.3**2 - f**2 + 0.2j * f) / (20**2 - f**2 + 2j * f)
+    hole = np.abs(np.log(f / 15)) < 0.06
+    assert antiresonances(FRF("a", f, np.where(hole, 0.2, 1) * line)) != []
+    assert antiresonances(FRF("a", f, np.where(hole, 0.2, 1) * line, coherence=np.where(hole, 0.3, 0.95))) == []
+    (found,) = antiresonances(FRF("a", f, dip, coherence=np.where(np.abs(dip) < 0.03, 0.3, 0.95)))  # its flanks show it
+    assert found[1] < 7.3 < found[2]
+    assert antiresonances(FRF("a", f, dip, coherence=0.2)) == []
