@@ -90,7 +90,7 @@ class Comparison:
         records: one comparison per record.
         frfs: one per frequency response.
         servos: one per run of a servo, which has no records and responses beside it.
-        torque_error, simulation_error, noise_floor: as for one record, pooled; no torque error of a servo.
+        torque_error, simulation_error, noise_floor: as for one record or response, pooled; no torque error of a servo.
         bandwidth: up to which torques are compared [Hz].
     """
 

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .comparison.score import NEAR_FLOOR, Score, above_floor
+from .comparison.score import NEAR_FLOOR, WEIGHED, Score, above_floor
+from .identification.frf_observation import FrfObservation
 from .identification.intervals import covariance
 from .identification.inverse import Observation
 from .identification.misfit import Misfit
@@ -36,8 +37,8 @@ class FitResult:
 
     Attributes:
         plant: with its parameters, their 95 % intervals and their provenance.
-        error: rms of the torque residual over rms of the torque, pooled over the records; of a servo the mean absolute
-            error of its position [rad].
+        error: rms of the torque residual over rms of the torque, pooled over the records, of responses each point
+            weighed by its deviation; of a servo the mean absolute error of its position [rad].
         floor: the same from sensors and sampling alone, for a perfect model.
         status: what was found, and a sentence on friction elements that never slipped.
         misfit, vector: the least-squares problem and its solution.
@@ -60,7 +61,7 @@ class FitResult:
         """(m,) residual that another noise than that found would leave through this plant [N m].
 
         Args:
-            most: (m,) it is no louder than this; None: than what is left.
+            most: (m,) it is hardly louder than this, see `believable`; None: than what is left.
         """
         left = self.misfit.residual(self.vector) if most is None else most
         return np.concatenate(_floor_rows(self.misfit, self.vector, left, noise))
@@ -140,6 +141,7 @@ def result_of(misfit: Misfit, x: Array) -> FitResult:
     plant = replace(plant, uncertainty={}, covariance={}, provenance=provenance)
     if score.of == "torque":
         status = f"{score.name} {100 * error:.2f} % of the {score.word} up to {bandwidth:.0f} Hz"
+        status += f", {WEIGHED}" if any(isinstance(o, FrfObservation) for o in observations) else ""
         status += f", noise floor {100 * floor:.2f} %"
     else:
         status = f"mean absolute position error {score.told(error)}, noise floor {score.told(floor)}"
@@ -174,7 +176,7 @@ def _told(score: Score, rows: Sequence[Array]) -> list[Array]:
 
 
 def _floor_rows(misfit: Misfit, x: Array, residual: Array, noise: Noise) -> list[Array]:
-    """Of each observation the residual that noise like this would leave, no louder than what is left."""
+    """Of each observation the residual that noise like this would leave, see `floor_residual`."""
     plant, left = misfit.plant(x), np.split(residual, misfit.splits)
     draws = np.random.default_rng(0).spawn(len(left))
 

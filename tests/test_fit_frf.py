@@ -174,7 +174,13 @@ def test_the_virgin_curve_is_right_where_the_reading_ignores_stribeck(
 def test_a_comparison_tells_the_noise_floor_of_the_fit(fitted: gms.FitResult, healthy: list[FRF]) -> None:
     found = gms.compare(fitted.plant, [f for f in healthy if f.use == "fit"])
     assert found.noise_floor == pytest.approx(fitted.floor, rel=0.03)
-    assert all(r.noise_floor < 1.3 * r.torque_error for r in found.frfs)  # no more than what is left
+    assert all(r.noise_floor < 1.3 * r.torque_error for r in found.frfs)  # hardly more than what is left
+    weighed = "of responses each point weighed by its deviation"
+    assert weighed in fitted.status and weighed in str(found).splitlines()[0]
+    for r in found.frfs:  # which the error of the torque itself is not
+        share = np.abs(1 - r.response / r.model)  # of the torque that was applied at each point
+        rows = np.concatenate([share, np.ones(len(share))]).reshape(2, -1) / r.deviation
+        assert r.torque_error == pytest.approx(np.sqrt(np.mean(rows[0] ** 2) / np.mean(rows[1] ** 2)), rel=0.02)
 
 
 def test_the_plant_gives_back_responses_it_was_not_fitted_to(fitted: gms.FitResult, healthy: list[FRF]) -> None:

@@ -16,6 +16,7 @@ from ..native import Joint
 from ..plant import Plant
 from ..responses.harmonics import SAMPLES, fundamental
 from ..responses.resonance import Resonance, find_resonance
+from .score import WEIGHED
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -33,11 +34,12 @@ class FrfComparison:
 
     Attributes:
         name, use: of the response.
-        torque_error: rms of measured minus needed torque over rms of measured torque, each point divided by its
-            standard deviation.
+        torque_error: rms of measured minus needed torque over rms of measured torque, each point of both divided by
+            its standard deviation; where good points fit it may be small while bad ones are far off.
         simulation_error: rms of the relative difference of the response and that of a forward simulation under the
             same torque from rest, once its motion is steady.
-        noise_floor: the torque error that the uncertainty of the response alone leaves, no more than what is left.
+        noise_floor: the torque error that the uncertainty of the response alone leaves, one draw: it comes near an
+            error that is noise, from above as from below, and is scaled down where it is far above what is left.
         frequency: (n,) [Hz].
         amplitude: (n,) of the position [rad].
         response: (n,) measured [rad/(N m)].
@@ -195,7 +197,8 @@ def _steady(joint: Joint, inertia: float, frequency: float, torque: complex) -> 
 def table(rows: tuple[FrfComparison, ...], what: str = "torque") -> str:
     """Errors in percent, and resonance and damping ratio, measured and of the plant, from small amplitude to large."""
     width = max([len(r.name) for r in rows] + [8])
-    lines = [f"{'response':{width}}  {'use':8}  {what:>8}  {'floor':>8}  {'simulation':>10}  "
+    lines = [f"{what} error in % of the {what}, {WEIGHED}",
+             f"{'response':{width}}  {'use':8}  {what:>8}  {'floor':>8}  {'simulation':>10}  "
              f"{'resonance [Hz]':>18}  {'damping ratio':>17}   measured / plant"]
     for r in sorted(rows, key=lambda r: float(np.median(r.amplitude))):
         both = (r.resonance, r.model_resonance)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+WEIGHED = "of responses each point weighed by its deviation"  # what their torque errors and noise floors are
 NEAR_FLOOR = 1.2  # times the noise floor: hardly more than the sensors leave
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..compare import WINDOW
-from ..comparison.score import Score, above_floor
+from ..comparison.score import WEIGHED, Score, above_floor
 from ..version import __version__
 from . import figure
 from .figure import COLOURS
@@ -40,8 +40,9 @@ def render(diagnosis: Diagnosis) -> str:
     """The page of a diagnosis as text."""
     facts = diagnosis.to_dict()
     title = "What this axis is missing"
-    parts = [f"<h1>{title}</h1>", _verdict(facts), _steps(facts, diagnosis.score)]
     comparisons = list(diagnosis.comparisons)
+    weighed = any(c.frfs for c in comparisons)
+    parts = [f"<h1>{title}</h1>", _verdict(facts), _steps(facts, diagnosis.score, weighed)]
     if comparisons:
         names = step_names(facts)
         shown = [(names[0], comparisons[0], COLOURS[1])]
@@ -81,7 +82,8 @@ def render_comparison(comparison: Comparison, name: str = "model") -> str:
     simulated += ["of a response under the same torque, once the motion is steady"] if comparison.frfs else []
     note = (
         f"<p>{_upper(score.name)}: rms of the residual up to {comparison.bandwidth:.0f} Hz over the rms of the "
-        f"measured {score.word}. Simulation error: {'; '.join(simulated)}.</p>"
+        f"measured {score.word}{f', {WEIGHED}' if comparison.frfs else ''}. "
+        f"Simulation error: {'; '.join(simulated)}.</p>"
     )
     if comparison.servos:
         note = (
@@ -138,7 +140,7 @@ def _verdict(facts: dict[str, Any]) -> str:
     )
 
 
-def _steps(facts: dict[str, Any], score: Score) -> str:
+def _steps(facts: dict[str, Any], score: Score, weighed: bool) -> str:
     names, rows, said = step_names(facts), [], ""
     for name, s in zip(names, facts["steps"], strict=True):
         evidence = escape(s.get("evidence") or "")
@@ -156,7 +158,7 @@ def _steps(facts: dict[str, Any], score: Score) -> str:
         [(n, float(s[key])) for n, s in zip(names, facts["steps"], strict=True)], facts.get("noise_floor"), score.told
     )
     return (
-        f"<section><h2>The falling error</h2><p>{score.meaning}, {which}.</p>"
+        f"<section><h2>The falling error</h2><p>{score.meaning}{f', {WEIGHED}' if weighed else ''}, {which}.</p>"
         f"{picture}{table(('step', 'fit', 'validate'), rows, (1, 2))}{said}</section>"
     )
 
