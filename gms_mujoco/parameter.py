@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from .errors import ModelError, is_number
+
 KELVIN = "K"  # unit of a rise of temperature
 DECELERATION = "rad/s^2"  # unit of what slows a body down
 WAVES = "1/rev"  # unit of a harmonic: a whole number of periods per revolution; on a slide joint rad/m, any wave number
@@ -23,6 +25,9 @@ class Parameter:
         share: the values of all elements sum to 1.
         at_least: name of another parameter of the effect that is a lower bound for this one.
         doc: symbol and meaning.
+
+    Raises:
+        ModelError: one of them is of another type, as where the order is another.
     """
 
     name: str
@@ -35,6 +40,14 @@ class Parameter:
     share: bool = False
     at_least: str = ""
     doc: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("name", "unit", "default", "lower", "upper", "at_least", "doc"):
+            value, is_text = getattr(self, key), key not in ("default", "lower", "upper")
+            if not (isinstance(value, str) if is_text else is_number(value)):
+                expected = "text" if is_text else "a number"
+                raise ModelError(f"parameter {self.name!r}: {key} must be {expected}; {value!r} given, and "
+                                 "the order is name, unit, default, lower, upper")
 
     @property
     def span(self) -> str:

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import tomllib
+import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date, time
@@ -66,6 +67,10 @@ class Plant:
             object.__setattr__(self, "inertia", float(self.inertia))
         if not isinstance(self.inertia_known, bool):
             raise ModelError(f"inertia_known must be true or false; {self.inertia_known!r} given")
+        for e in self.effects:
+            if e.kind == "friction" and not e.is_native:
+                raise ModelError(f"{e.name} is friction in Python, which nothing would evaluate: a law of friction is "
+                                 "native code, one .cc file; CONTRIBUTING.md says how")
         names = [e.name for e in self.effects]
         for name in names:
             if names.count(name) > 1:
@@ -280,8 +285,12 @@ class Plant:
         return attach(model, {name: self for name in ([joint] if isinstance(joint, str) else joint)}, **options)
 
     def save(self, path: str | Path) -> None:
-        """Writes `model.toml`."""
+        """Writes `model.toml`; warns of an effect that is not in the catalogue, by which it cannot be read back."""
         write_text(path, self.to_toml())
+        for e in self.effects:
+            if type(e) is not effects.CATALOGUE.get(e.name):
+                warnings.warn(f"{path} cannot be read back: {e.name} is not in the catalogue, the folder "
+                              "gms_mujoco/effects; keep the class and add it to the plant again", stacklevel=2)
 
     def to_toml(self) -> str:
         """The text of `model.toml`, with the unit and meaning of each number as comments."""

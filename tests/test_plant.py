@@ -1,6 +1,7 @@
 """A Plant is a value: adding makes another, and a file of it is it."""
 
 import tomllib
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC
@@ -16,6 +17,7 @@ from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.errors import GmsError, ModelError
 from gms_mujoco.files import MODELS
+from gms_mujoco.parameter import Parameter
 from gms_mujoco.plant import Plant
 
 GMS = effects.find("gms")(
@@ -254,6 +256,27 @@ def test_a_drive_that_gives_no_torque_for_each_sample_is_named(given_back: Calla
 
     with pytest.raises(ModelError, match=r"odd: deliver must give a number for each of the 20 samples; .* given"):
         (PLANT + Odd()).delivered(np.zeros(10), 1e-3, 2)
+
+
+def test_friction_in_python_is_refused_for_nothing_would_evaluate_it() -> None:
+    class Mine(Effect):
+        name, kind, parameters = "mine", "friction", (Parameter("level", "N m", 0.0),)
+
+    with pytest.raises(ModelError, match=r"mine is friction in Python, .* one \.cc file; CONTRIBUTING.md says how"):
+        PLANT + Mine(level=1e-3)
+
+
+def test_a_file_that_cannot_be_read_back_is_told(tmp_path: Path) -> None:
+    class Mine(Effect):
+        name, kind, parameters = "mine", "drive", (Parameter("share", "1", 0.0),)
+
+        def deliver(self, time: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
+            return command
+
+    with pytest.warns(UserWarning, match=r"m\.toml cannot be read back: mine is not in the catalogue"):
+        (PLANT + Mine()).save(tmp_path / "m.toml")
+    with warnings.catch_warnings(action="error"):
+        PLANT.save(tmp_path / "n.toml")
 
 
 def test_a_number_that_is_no_parameter_is_not_swallowed() -> None:
