@@ -47,7 +47,7 @@ def stepped_sine(
 
     Args:
         plant: every parameter set.
-        frequency: (n,) [Hz], below half the sample rate.
+        frequency: (n,) [Hz], below a quarter of the sample rate.
         amplitude: of the torque [N m] or the position [rad], whichever is held.
         held: "torque" or "position".
         sample_time: [s].
@@ -84,7 +84,8 @@ def stepped_sine(
     size = amplitude
     for i, f in enumerate(sorted(float(x) for x in np.atleast_1d(frequency))):
         if not 0 < f < 0.25 / sample_time:
-            raise DataError(f"{f:g} Hz is out of reach; expected more than 0 and less than {0.25 / sample_time:g} Hz")
+            raise DataError(f"{f:g} Hz is out of reach; expected more than 0 and less than {0.25 / sample_time:g} Hz, "
+                            "a quarter of the sample rate")
         sine = Excitation.sine(sample_time, f, 1.0, max(periods, math.ceil(_LEAST * f * sample_time)))
         kept = {"periods": windows, "transient": transient, "controller": controller, "seed": seed + i, **bench}
         run = partial(_run, plant, sine, kept)

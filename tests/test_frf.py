@@ -150,6 +150,12 @@ def test_stepped_sine_holds_the_amplitude() -> None:
         assert np.allclose(reached, amplitude, rtol=2.1e-3)
 
 
+def test_a_stepped_sine_goes_up_to_a_quarter_of_the_sample_rate() -> None:
+    assert "quarter of the sample rate" in (stepped_sine.__doc__ or "") and len(stepped_sine(AXIS, 480.0, 1e-3)) == 1
+    with pytest.raises(DataError, match="less than 500 Hz, a quarter of the sample rate"):
+        stepped_sine(AXIS, 520.0, 1e-3)
+
+
 def test_a_stepped_sine_of_a_slide_joint_is_in_its_unit_and_mistakes_are_told() -> None:
     slide = stepped_sine(Plant(J, AXIS.effects, "slide"), 20.0, 1e-3, held="torque")
     assert slide.unit == "m/(N)" and slide.name == "torque 0.001 N"
