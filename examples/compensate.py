@@ -8,7 +8,7 @@ The stiffer the PID, the less friction matters, down to the half count that the 
 Run: python examples/compensate.py [seeds] [bandwidth of the PID in Hz]
 """
 
-import sys
+import argparse
 from collections.abc import Callable
 from typing import Any
 
@@ -75,5 +75,9 @@ def main(seeds: int = 5) -> None:
 
 
 if __name__ == "__main__":
-    BANDWIDTH = float(sys.argv[2]) if len(sys.argv) > 2 else BANDWIDTH
-    main(*map(int, sys.argv[1:2]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seeds", nargs="?", type=int, default=5, help="episodes of each (default: 5)")
+    parser.add_argument("bandwidth", nargs="?", type=float, default=BANDWIDTH, help="of the PID [Hz] (default: 50)")
+    given = parser.parse_args()
+    BANDWIDTH = given.bandwidth
+    main(given.seeds)

@@ -9,15 +9,14 @@ Prints the figures beside the paper's. With a file name it draws them: python ex
 
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from gms_mujoco import engine
+from gms_mujoco.files import MODELS
 from gms_mujoco.plant import Plant
 
-MODELS = Path(__file__).resolve().parent.parent / "models"
 TORQUE_CONSTANT = 0.1916  # N m/A, from the figures of the pulse: see models/servo_axis.toml
 STEP = 1e-4  # s
 

@@ -5,7 +5,7 @@ were held out. Printed is by how much the policy lowers the tracking error. More
 `gms-mujoco train --help`; stable-baselines3: `gms_mujoco.sb3`.
 """
 
-import sys
+import argparse
 
 from gms_mujoco.learn import train
 
@@ -16,4 +16,6 @@ def main(generations: int = 10) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("generations", nargs="?", type=int, default=10, help="default: 10")
+    main(parser.parse_args().generations)

@@ -1,6 +1,7 @@
 """The figures that the examples print."""
 
 import re
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -109,6 +110,20 @@ def test_a_trained_policy_helps_the_pid(capsys):
     train_policy.main(3)
     times = [float(x) for x in re.findall(r"error ([\d.]+) times below the PID", capsys.readouterr().out)]
     assert len(times) == 2 and times[0] > 1.3
+
+
+@pytest.mark.parametrize("name", ["compensate", "train_policy"])
+def test_an_example_with_arguments_explains_them(name, tmp_path):
+    script = str(EXAMPLES / f"{name}.py")
+    for argument, code, words in (("--help", 0, "default: "), ("x", 2, "invalid int value: 'x'")):
+        ended = subprocess.run([sys.executable, script, argument], capture_output=True, text=True, cwd=tmp_path)
+        assert ended.returncode == code and words in ended.stdout + ended.stderr and "Traceback" not in ended.stderr
+
+
+def test_the_free_response_runs_wherever_it_is_copied(tmp_path):
+    copy = tmp_path / "free_response.py"
+    copy.write_bytes((EXAMPLES / "free_response.py").read_bytes())
+    subprocess.run([sys.executable, "-c", "import free_response; free_response.pulse()"], cwd=tmp_path, check=True)
 
 
 def test_every_example_stands_in_the_table_of_the_documentation():
