@@ -228,7 +228,7 @@ def _stand_out(periods: list[Complex]) -> NDArray[np.bool_]:
     free = count - len(periods)
     scatter = sum(np.sum(np.abs(x - x.mean(0)) ** 2, 0) for x in periods) / free
     near = min(_NEAR, len(scatter))
-    noise = scipy.ndimage.median_filter(scatter, near, mode="nearest") / scipy.stats.gamma.median(free, scale=1 / free)
+    noise = scipy.ndimage.median_filter(scatter, near, mode="nearest") / (scipy.special.gammaincinv(free, 0.5) / free)
     known = near * free / 2  # numbers that the noise is told by: of a median about half count
     return np.asarray(mean > noise * known * ((len(noise) / _CHANCE) ** (1 / known) - 1))  # F, of 2 and 2 known
 
