@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -119,7 +119,7 @@ class FRF:
             if value is not None and len(wrong := value[(value < least) | (value > most)]):
                 raise DataError(f"{self.name}: {key} must be {words}; {wrong[0]:g} given")
         units = [response_unit(self.input, self.output, kind) for kind in KINDS]
-        alike = [u for u in units if _letters(u) == _letters(self.unit)] if self.unit else units
+        alike = [u for u in units if letters(u) == letters(self.unit)] if self.unit else units
         if not alike:
             raise DataError(f"{self.name}: a response is given in SI, {units[0]} or of a slide joint {units[1]}; "
                             f"{self.unit!r} given")
@@ -184,7 +184,8 @@ def _complex(given: Any) -> Complex:
     return np.asarray(given).astype(complex)
 
 
-def _letters(unit: str) -> str:
+def letters(unit: str) -> str:
+    """A unit without what may be written otherwise: blanks, parentheses and signs of a product."""
     return re.sub(r"[\s()·*]", "", unit)
 
 
@@ -227,9 +228,10 @@ def drive_unit(input: str, kind: str = "hinge") -> str:
 
 
 def response_unit(input: str, output: str, kind: str = "hinge") -> str:
-    """The unit of a response in SI, such as "rad/(N m)"; of a slide joint "m/(N)"."""
-    unit = f"{OUTPUTS[output]}/({INPUTS[input]})" if INPUTS[input] != "1" else OUTPUTS[output]
-    return unit if kind == "hinge" else unit.replace("N m", "N").replace("rad", "m")
+    """The unit of a response in SI, such as "rad/(N m)"; of a slide joint "m/N"."""
+    over = OUTPUTS[output] if kind == "hinge" else OUTPUTS[output].replace("rad", "m")
+    under = drive_unit(input, kind)
+    return over if under == "1" else f"{over}/({under})" if " " in under else f"{over}/{under}"
 
 
 def hold_factor(frequency: Array, sample_time: float, output: str = "position") -> Complex:
@@ -288,7 +290,10 @@ def estimate_frf(
         DataError: an unknown method or signal, no reference, too few periods, a period with which the input does not
             repeat, no excitation, or torques of which some are held and some were read.
     """
-    runs = [records] if isinstance(records, Record) else list(records)
+    runs = [records] if isinstance(records, Record) else list(records) if isinstance(records, Iterable) else [records]
+    for r in runs:
+        if not isinstance(r, Record):
+            raise DataError(f"records are expected, as those of gms.load(...).records; {type(r).__name__} given")
     if not runs:
         raise DataError("no records; expected at least one to estimate a frequency response from")
     if kind not in KINDS:

@@ -12,7 +12,7 @@ from gms_mujoco.dahl_resonance import identify_dahl
 from gms_mujoco.errors import DataError, GmsError
 from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
-from gms_mujoco.frf import FRF, estimate_frf, hold_factor, join_sines, to_csv
+from gms_mujoco.frf import FRF, estimate_frf, hold_factor, join_sines, response_unit, to_csv
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.responses.spectra import find_period
@@ -150,6 +150,17 @@ def test_stepped_sine_holds_the_amplitude() -> None:
         assert np.allclose(reached, amplitude, rtol=2.1e-3)
 
 
+@pytest.mark.parametrize("records", [None, 3.0, [None], "set"])
+def test_what_is_no_record_is_told(records: object) -> None:
+    with pytest.raises(DataError, match=r"records are expected, as those of gms\.load\(\.\.\.\)\.records; \w+ given"):
+        estimate_frf(records)  # type: ignore[arg-type]
+
+
+def test_units_with_one_letter_below_have_no_parentheses() -> None:
+    units = {response_unit(i, "position", k) for i in ("torque", "current", "reference") for k in ("hinge", "slide")}
+    assert units == {"rad/(N m)", "rad/A", "rad", "m/N", "m/A", "m"}
+
+
 def test_a_stepped_sine_goes_up_to_a_quarter_of_the_sample_rate() -> None:
     assert "quarter of the sample rate" in (stepped_sine.__doc__ or "") and len(stepped_sine(AXIS, 480.0, 1e-3)) == 1
     with pytest.raises(DataError, match="less than 500 Hz, a quarter of the sample rate"):
@@ -158,7 +169,7 @@ def test_a_stepped_sine_goes_up_to_a_quarter_of_the_sample_rate() -> None:
 
 def test_a_stepped_sine_of_a_slide_joint_is_in_its_unit_and_mistakes_are_told() -> None:
     slide = stepped_sine(Plant(J, AXIS.effects, "slide"), 20.0, 1e-3, held="torque")
-    assert slide.unit == "m/(N)" and slide.name == "torque 0.001 N"
+    assert slide.unit == "m/N" and slide.name == "torque 0.001 N"
     for change, words in (
         ({"sample_time": 0.0}, "sample_time must be positive; 0 given"),
         ({"amplitude": math.nan}, "amplitude must be positive; nan given"),
@@ -250,7 +261,7 @@ def test_responses_to_velocity_and_acceleration_become_compliances() -> None:
         ({"excitation": -1e-3}, "excitation must be positive; -0.001 given"),
         ({"sigma": -1.0}, "sigma must be 0 or more; -1 given"),
         ({"coherence": 2.0}, "coherence must be from 0 to 1; 2 given"),
-        ({"unit": "deg/(N m)"}, r"given in SI, rad/\(N m\) or of a slide joint m/\(N\); 'deg/\(N m\)' given"),
+        ({"unit": "deg/(N m)"}, r"given in SI, rad/\(N m\) or of a slide joint m/N; 'deg/\(N m\)' given"),
     ],
 )
 def test_a_response_that_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
@@ -262,7 +273,7 @@ def test_the_unit_of_a_response_says_the_kind_of_its_joint() -> None:
     f = np.array([1.0, 2.0])
     for unit, output, kind, spelled in (
         ("", "position", "hinge", "rad/(N m)"), ("rad/Nm", "position", "hinge", "rad/(N m)"),
-        ("m/N", "position", "slide", "m/(N)"), ("m/s^2/N", "acceleration", "slide", "m/s^2/(N)"),
+        ("m/(N)", "position", "slide", "m/N"), ("m/s^2/N", "acceleration", "slide", "m/s^2/N"),
     ):  # fmt: skip
         frf = FRF("a", f, [1.0, 0.5], output=output, unit=unit)
         assert (frf.kind, frf.unit) == (kind, spelled) and frf.compliance().kind == kind

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frf import FRF
+from ..frf import FRF, response_unit
 from ..identification.frf_observation import FrfObservation
 from ..identification.noise import Noise, floor_residual
 from ..native import Joint
@@ -207,6 +207,11 @@ def table(rows: tuple[FrfComparison, ...], what: str = "torque") -> str:
         lines.append(f"{r.name:{width}}  {r.use:8}  {100 * r.torque_error:8.2f}  {100 * r.noise_floor:8.2f}  "
                      f"{100 * r.simulation_error:10.2f}  {tuned:>18}  {damped:>17}")
     return "\n".join(lines)
+
+
+def quantities(kind: str) -> dict[str, str]:
+    """What magnitude and phase are called on an axis, for a joint of a kind: a magnitude in dB is that of a ratio."""
+    return {"magnitude": f"magnitude re 1 {response_unit('torque', 'position', kind)}", "phase": "phase"}
 
 
 def decibel(response: Complex) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, listing
 from ..formats import LARGEST, Table, why_unusable
-from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, response_unit
+from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, letters, response_unit
 from . import frf_units
 from .passivity import expect_passive
 from .repeats import average_repeats, levels
@@ -184,7 +184,7 @@ def _expect_quantities(table: Table, raw: frf_units.Raw, input: str, output: str
                         "and output, or the unit of a response whose file is wrong, as in units = { output = ... }")
     ours = [m for line in table.remarks if (m := _OURS.match(line))]
     for m in ours if RESPONSE in table.columns else []:
-        if float(m[1]) in table.columns[RESPONSE] and (m[2], m[3], m[4]) != (output, input, unit):
+        if float(m[1]) in table.columns[RESPONSE] and (m[2], m[3], letters(m[4])) != (output, input, letters(unit)):
             raise DataError(f"the file says that response {m[1]} is {m[2]} over {m[3]} [{m[4]}]; {output} over {input} "
                             f"[{unit}] was asked for: input, output or axis.kind are others")
 
@@ -443,5 +443,12 @@ def _medians(frequency: Array, values: Array, where: Array) -> Array:
 
 
 def listed(frfs: Sequence[FRF]) -> list[str]:
-    """One line per response: what it is and how it was read."""
-    return [f"{f.name}: " + "; ".join(f.notes) for f in frfs]
+    """What each response is and how it was read, those that were read alike in one line."""
+    alike: dict[str, list[str]] = {}
+    for f in frfs:
+        alike.setdefault("; ".join(f.notes), []).append(f.name)
+    return [f"{_several(names)}: {said}" for said, names in alike.items()]
+
+
+def _several(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..comparison.compare_frf import FrfComparison, decibel, degrees, turned
+from ..comparison.compare_frf import FrfComparison, decibel, degrees, quantities, turned
 from ..comparison.noise_band import Z
 from . import figure
 from .figure import Band, Curve
@@ -56,7 +56,7 @@ def _response(shown: Shown, i: int) -> str:
     first, last = rows[0][1], rows[-1][1]
     x = first.frequency
     level = Z / math.sqrt(2) * last.deviation
-    pictures = []
+    pictures, called = [], quantities(shown[0][1].plant.kind)
     for what, unit, of, gap, factor in (
         ("magnitude", "dB", decibel, "magnitude_error", 20 / math.log(10)),
         ("phase", "deg", degrees, "phase_error", 180 / math.pi),
@@ -66,7 +66,8 @@ def _response(shown: Shown, i: int) -> str:
         left = [Curve(n, x, getattr(r, gap), colour) for n, r, colour in rows]
         band = [Band(x, -factor * level, factor * level)]
         pictures += [
-            f"<h4>{what.capitalize()}</h4>" + figure.plot(drawn, "frequency", "Hz", what, unit, log=(True, False)),
+            f"<h4>{what.capitalize()}</h4>"
+            + figure.plot(drawn, "frequency", "Hz", called[what], unit, log=(True, False)),
             f"<h4>{what.capitalize()}, measured less model</h4>"
             + figure.plot(left, "frequency", "Hz", "difference", unit, log=(True, False), bands=band),
         ]

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from .. import effects
-from ..comparison.compare_frf import decibel, degrees, turned
+from ..comparison.compare_frf import decibel, degrees, quantities, turned
 from ..comparison.score import Score
 from ..identification.motion import break_away_distance, virgin_curve
 from . import drawing
@@ -255,7 +255,8 @@ def _response(stream: rr.RecordingStream, models: Shown, i: int) -> rrb.Containe
         curves += [Curve(n, f, y, colour) for n, y, colour in turned_]
         left = [Curve(n, f, getattr(c.frfs[i], f"{what}_error"), colour, "steps") for n, c, colour in shown]
         for entity, drawn, label, bands in (
-            (what, curves, what, []), (f"{what}_error", left, f"measured - model, {what}", [Band(f, -spread, spread)])
+            (what, curves, quantities(shown[0][1].plant.kind)[what], []),
+            (f"{what}_error", left, f"measured - model, {what}", [Band(f, -spread, spread)])
         ):  # fmt: skip
             draw(stream, f"{root}/{entity}", drawn, "frequency", "Hz", label, unit, bands=bands, log=(True, False),
                  band_name="95 % of the uncertainty")  # fmt: skip

@@ -201,7 +201,7 @@ def test_a_response_is_of_the_joint_that_it_names(pendulum: Path) -> None:
     entry = '[axis]\nmodel = "pendulum.xml"\njoint = {}\n' + 2 * '[[frf]]\nfile = "r.csv"\ninput = "torque"\n' \
             'output = "position"\n{}\n'
     (folder / "dataset.toml").write_text(entry.format('["hip", "slider"]', 'joint = "slider"', 'joint = "hip"'))
-    assert [load(folder, joint=name).frfs[0].unit for name in joints(folder)] == ["rad/(N m)", "m/(N)"]
+    assert [load(folder, joint=name).frfs[0].unit for name in joints(folder)] == ["rad/(N m)", "m/N"]
     assert all(len(load(folder, joint=name).frfs) == 1 for name in joints(folder))
     for names, joint, words in (('["hip", "slider"]', "", "frf 2: joint must be given, .* several, hip, slider"),
                                 ('["hip", "slider"]', 'joint = "knee"', "frf 2: joint must be among .*'knee'")):

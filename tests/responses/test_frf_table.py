@@ -111,6 +111,16 @@ def test_units_of_both_ends_scale_and_torque_constant(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_responses_that_were_read_alike_are_told_in_one_line(tmp_path: Path) -> None:
+    text = rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG)
+    for name in "abcde":
+        (tmp_path / f"{name}.csv").write_text(text)
+    (tmp_path / "e.csv").write_text(rows("f [Hz],real,imag", F, G.real, G.imag))
+    (tmp_path / "dataset.toml").write_text("".join(ENTRY.format(f"{name}.csv") for name in "abcde"))
+    said = [note for note in load(tmp_path).notes if "position over torque" in note]
+    assert [note.split(": ")[0] for note in said] == ["a.csv, b.csv and 2 more", "e.csv"]
+
+
 def test_an_amplitude_is_in_si_or_in_a_unit_of_its_own(tmp_path: Path) -> None:
     """Beside an input in another unit it is told how it was taken, as nobody could see a factor of 1000 later."""
     text = rows("f [Hz],magnitude [abs],phase [rad]", F, MAG, ARG)
@@ -211,7 +221,7 @@ def test_a_file_that_says_what_it_is_is_taken_for_nothing_else(tmp_path: Path) -
         ([speed], "position", "", r"response 1 is velocity over torque \[rad/s/\(N m\)\]; position over torque"),
         ([speed], "velocity", "", ""),
         ([FRF("a", F, G), speed], "position", "", "response 2 is velocity over torque"),
-        ([slide], "position", "", r"response 1 is position over torque \[m/\(N\)\]; .*axis.kind"),
+        ([slide], "position", "", r"response 1 is position over torque \[m/N\]; .*axis.kind"),
         ([slide], "position", '[axis]\nkind = "slide"\n', ""),
         ([speed], "acceleration", "", "response 1 is velocity"),
     ):

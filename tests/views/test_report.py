@@ -79,6 +79,7 @@ def test_where_numbers_come_from_is_told_with_units() -> None:
 def test_a_page_of_responses_alone_speaks_of_responses() -> None:
     frfs = [gms.stepped_sine(HEALTHY, [10, 20, 40, 80], 1e-3), gms.stepped_sine(HEALTHY, [10, 20, 40, 80], 4e-3)]
     text = report.render_comparison(compare(HEALTHY, frfs))
+    assert "magnitude re 1 rad/(N m) [dB]" in text
     assert "of the measured torque, of responses each point weighed by its deviation." in text
     assert "<th class=\"k\">response</th>" in text and "of a response under the same torque" in text
     assert "change of position" not in text
