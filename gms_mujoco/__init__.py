@@ -82,6 +82,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("mjx", "view", "warp"):  # what they load takes seconds, or is an extra
+    if name in ("control", "env", "mjx", "sb3", "view", "warp"):  # what they load takes seconds, or is an extra
         return import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

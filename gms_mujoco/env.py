@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModelError, listing
+from .errors import GmsError, ModelError, listing
 from .goals import Excitation, Goal, Tracking
 from .plant import Plant
 from .servo import Axes
@@ -164,7 +164,12 @@ class _Servo(gym.Env[Array, NDArray[Any]]):
         if self._scene is None:
             from .view import stream
 
-            self._scene = stream(model, data, self._recording, rate=_LOOKS)
+            try:
+                self._scene = stream(model, data, self._recording, rate=_LOOKS)
+            except GmsError as error:
+                if self._recording or isinstance(error, ModelError):
+                    raise
+                raise GmsError(f'{error}, as in recording = "run.rrd"') from None  # there is no screen
         self._scene(model, data, reference=self.axes.target()[0], position=self.axes.position[0])
 
     def close(self) -> None:

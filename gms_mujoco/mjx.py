@@ -19,13 +19,14 @@ from numpy.typing import ArrayLike
 
 from . import batched
 from .errors import EngineError, ModelError
-from .kernel import jax_solver, jax_torque
 
 try:
     import jax
     import jax.numpy as jnp
     from mujoco import mjx
-except ImportError:
+
+    from .kernel import jax_solver, jax_torque
+except (ImportError, EngineError):  # of the kernel, which names what Warp alone needs
     raise EngineError("friction under MJX needs it: pip install 'gms-mujoco[mjx]'") from None
 
 

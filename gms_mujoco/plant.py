@@ -333,6 +333,9 @@ class Plant:
         Raises:
             ModelError: the file is missing, is not TOML, names what does not exist, or has a value that cannot be.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise ModelError(f"the path of a model.toml, or the name of a plant of the package, is expected; {path!r} "
+                             "given")
         preset = MODELS / f"{path}.toml"
         path = preset if preset.is_file() else Path(path)
         if path.is_dir():

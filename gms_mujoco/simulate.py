@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import overload
 
 import numpy as np
@@ -100,12 +100,15 @@ def simulate(
         reached = simulate_run(expect_servo(plant), torque)
         return replace(torque, position=_read(reached, position_noise, resolution, rng))
     plant.torque_driven()
-    if not isinstance(sample_time, Real) or not 0 < sample_time < math.inf:
+    if not is_number(sample_time) or not 0 < sample_time < math.inf:
         raise DataError(f"a torque needs its sample_time, a positive number [s]; {sample_time!r} given")
     plant.light_loads()
     for what, at in (("position", position), ("velocity", velocity)):
         if not is_number(at) or not math.isfinite(at):
             raise DataError(f"{what} must be a finite number; {at!r} given")
+    for what, given in (("torque", torque), ("load", load), ("temperature", temperature)):
+        if given is not None and np.iscomplexobj(given):
+            raise DataError(f"{name}: {what} must be real numbers; complex ones given")
     try:
         command = np.asarray(torque, float)
     except (TypeError, ValueError):
@@ -146,9 +149,9 @@ def simulate(
 def expect_bench(position_noise: float, resolution: float | None, torque_noise: float, substeps: int) -> None:
     """Raises DataError where what is logged, or how finely, cannot be."""
     for name, value in {"position_noise": position_noise, "torque_noise": torque_noise}.items():
-        if not isinstance(value, Real) or not 0 <= value < math.inf:
+        if not is_number(value) or not 0 <= value < math.inf:
             raise DataError(f"{name} must not be negative; {value!r} given")
-    if resolution is not None and (not isinstance(resolution, Real) or not 0 <= resolution < math.inf):
+    if resolution is not None and (not is_number(resolution) or not 0 <= resolution < math.inf):
         raise DataError(f"resolution must not be negative, or None; {resolution!r} given")
     if not is_number(substeps, Integral) or substeps < 1:
         raise DataError(f"substeps must be a whole number from 1 on; {substeps!r} given")

@@ -699,6 +699,19 @@ def test_moving_tells_more_than_standing():
     assert gains[1] > gains[0] + 1
 
 
+def test_without_a_screen_it_is_told_where_the_run_may_go(monkeypatch):
+    from gms_mujoco import view
+    from gms_mujoco.errors import GmsError
+
+    def headless(*_, **__):
+        raise GmsError("the viewer does not start: give a .rrd file")
+
+    monkeypatch.setattr(view, "stream", headless)
+    env = gym.make(IDS[0], render_mode="human").unwrapped
+    with pytest.raises(GmsError, match=r'give a \.rrd file, as in recording = "run\.rrd"$'):
+        env.reset(seed=0)
+
+
 def test_a_run_is_streamed_to_rerun_with_friction_reference_and_position(tmp_path):
     from test_scene import read
 

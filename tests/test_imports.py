@@ -154,6 +154,23 @@ def test_no_module_imports_itself_through_others() -> None:
     TopologicalSorter(graph).prepare()  # raises a CycleError that names the circle
 
 
+def test_what_mjx_needs_is_told_where_warp_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gms_mujoco.errors import EngineError
+
+    for name in ("warp", "gms_mujoco.kernel", "gms_mujoco.mjx"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "warp", None)
+    with pytest.raises(EngineError, match=r"friction under MJX needs it: pip install 'gms-mujoco\[mjx\]'"):
+        importlib.import_module("gms_mujoco.mjx")
+
+
+def test_modules_that_load_slowly_are_loaded_when_they_are_named() -> None:
+    told = ("import gms_mujoco as gms, sys; late = ['gms_mujoco.env', 'gms_mujoco.control']; "
+            "assert not set(late) & set(sys.modules); print(gms.control.PID.__name__, gms.env.ServoTracking.__name__)")
+    ended = subprocess.run([sys.executable, "-P", "-c", told], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == ["PID", "ServoTracking"]
+
+
 def test_stable_baselines_that_is_not_installed_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     from gms_mujoco.errors import GmsError
 

@@ -279,6 +279,12 @@ def test_a_file_that_cannot_be_read_back_is_told(tmp_path: Path) -> None:
         PLANT.save(tmp_path / "n.toml")
 
 
+@pytest.mark.parametrize("path", [None, 3, PLANT])
+def test_a_path_that_is_none_is_told(path: object) -> None:
+    with pytest.raises(ModelError, match=r"the path of a model\.toml, or the name of a plant .* is expected"):
+        Plant.load(path)  # type: ignore[arg-type]
+
+
 def test_a_number_that_is_no_parameter_is_not_swallowed() -> None:
     with pytest.raises(ModelError, match="viscous has no elements; give its parameters by name, out of coefficient"):
         effects.find("viscous")(1.0)  # type: ignore[arg-type]
