@@ -68,7 +68,7 @@ class Plant:
         if not isinstance(self.inertia_known, bool):
             raise ModelError(f"inertia_known must be true or false; {self.inertia_known!r} given")
         for e in self.effects:
-            if e.kind == "friction" and not e.is_native:
+            if getattr(e, "kind", "") == "friction" and not e.is_native:  # one without a kind may act by its hooks
                 raise ModelError(f"{e.name} is friction in Python, which nothing would evaluate: a law of friction is "
                                  "native code, one .cc file; CONTRIBUTING.md says how")
         names = [e.name for e in self.effects]
