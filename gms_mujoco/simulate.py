@@ -81,7 +81,7 @@ def simulate(
         substeps: time steps per sample.
         resolution: position of one encoder count [rad]; None: not quantised.
         torque_noise, position_noise: standard deviations of white noise on what is logged [N m], [rad].
-        seed: of the noise.
+        seed: of the noise, drawn with `default_rng(seed)`: another than that of a torque that is drawn so.
         load, temperature: (n,) held like the torque [N m], [degC]. Friction that grows with a load does with the torque
             where none is given.
         name, use: of the record.
