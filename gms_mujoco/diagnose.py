@@ -16,7 +16,7 @@ from .diagnosis.conclusion import conclude, fits_alone, lowered
 from .diagnosis.custom import Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
-from .diagnosis.friction_shape import with_exponents, with_many_elements, without_vanished
+from .diagnosis.friction_shape import other_kind, with_exponents, with_many_elements, without_vanished
 from .diagnosis.given_inertia import contradicts, corrected, free, is_doubtful, is_needed
 from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_drive
 from .diagnosis.given_setup import corrected_setup
@@ -231,6 +231,9 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
     """The last fit at its end, without effects that are none there, and since when the records are off it."""
     while True:
         kept = search.steps[-1]
+        if search.timed:
+            result, held_out = other_kind(kept.result, kept.held_out)
+            search.steps[-1] = kept = replace(kept, result=result, held_out=held_out)
         free_to_bend = gone_on(with_exponents(kept.result, start))
         if has_moments(kept.result, kept.held_out):
             return unbent(free_to_bend)

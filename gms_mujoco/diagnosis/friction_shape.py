@@ -89,6 +89,23 @@ def other_curve(
     return now, left
 
 
+def other_kind(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with the other of the two usual curves of friction over speed, where that takes a good part of what is
+    left; else the same.
+
+    At the noise floor `other_curve` looks for none: what a wrong curve leaves there tells no effect, but is in all that
+    is said of friction. Either has as many unknowns.
+
+    Args:
+        now, left: the fit, and what it leaves on held-out blocks.
+    """
+    for law in (e for e in now.plant.effects if e.values.get(_OF_SPEED) in (_EXPONENTIAL, _GAUSSIAN)):
+        misfit, x = now.misfit.onto(now.plant.replace(_of_the_other_kind(law, 0.0)), now.vector)
+        if (near := _nudged(now, misfit, x)) is not None:
+            now, left = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
+    return now, left
+
+
 def _exponent_of(effect: Effect) -> str | None:
     """The name of the exponent of the curve of a law of friction; None of other effects."""
     return next((name for name in _EXPONENTS if name in effect.values), None)

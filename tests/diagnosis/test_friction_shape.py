@@ -12,6 +12,7 @@ from gms_mujoco.diagnosis.friction_shape import (
     following,
     more_elements,
     other_curve,
+    other_kind,
     spring_instead,
     turning_round,
     with_exponents,
@@ -20,7 +21,7 @@ from gms_mujoco.diagnosis.friction_shape import (
 )
 from gms_mujoco.diagnosis.judgement import at_floor
 from gms_mujoco.effect import Effect
-from gms_mujoco.fit import baseline, fit_as_logged
+from gms_mujoco.fit import baseline, fit_as_logged, fit_observations
 from gms_mujoco.fit_result import FitResult, result_of
 from gms_mujoco.identification.linear_model import cross_validated
 from gms_mujoco.identification.misfit import Misfit
@@ -177,6 +178,24 @@ def test_elements_that_have_come_to_nothing_are_left_out() -> None:
     assert less.plant["gms"].elements == 2 and sum(less.plant["gms"].fraction) == pytest.approx(1)
     assert less.error <= 1.001 * found.error
     assert without_vanished(less) is less
+
+
+def test_the_other_usual_curve_is_taken_at_the_noise_floor_where_it_is_the_right_one() -> None:
+    """A Gaussian one in the place of an exponential one had left no more than noise, and a sixth too little of how
+    strong friction is at rest."""
+    true = HEALTHY.replace(HEALTHY["gms"].replace(static=1.6 * LEVEL))
+    seen = observe(runs(true, torque_noise=1e-4), J)
+
+    def fitted(exponent: float) -> FitResult:
+        return fit_observations(Plant.axis(J) + effects.GMS(2, stribeck_exponent=exponent) + effects.Viscous(), seen)
+
+    wrong, right = fitted(2.0), fitted(1.0)
+    left = cross_validated(wrong.misfit, wrong.vector)
+    assert at_floor(wrong, left, 1.15) and wrong.plant["gms"].static < 1.4 * LEVEL
+    found, _ = other_kind(wrong, left)
+    assert found.plant["gms"].stribeck_exponent == 1.0
+    assert found.plant["gms"].static == pytest.approx(1.6 * LEVEL, rel=0.03)
+    assert other_kind(right, cross_validated(right.misfit, right.vector))[0] is right
 
 
 def test_a_spring_is_tried_in_the_place_of_elements_that_slip_in_no_record() -> None:
