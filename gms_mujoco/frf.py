@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .errors import DataError, listing
 from .record import UNITS, USES, Record
-from .responses.spectra import add_quantisation, find_noisy_period, find_period, periodic, repeats, welch
+from .responses.spectra import add_quantisation, find_noisy_period, periodic, repeats, welch
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -277,8 +277,7 @@ def estimate_frf(
         input, output: signals of the records; output "velocity" is taken as it was recorded.
         method: "h1" or "indirect".
         reference: (n,) for each record, for "indirect"; None: the signal of that name.
-        period: of the excitation [s], a whole number of samples; None: found from the input
-            (`find_period`, `find_noisy_period`).
+        period: of the excitation [s], a whole number of samples; None: found from the input (`find_noisy_period`).
         transient: periods discarded at the start; None: one, or a quarter of the shortest record where that is more.
         segment: length of Welch segments [s] for excitation without period; None: an eighth of the shortest record.
         hold: the input is held from sample to sample by the drive; the response is corrected for it. None: unless the
@@ -337,7 +336,7 @@ def estimate_frf(
         if len(references) != len(runs):
             raise DataError(f"{len(references)} references for {len(runs)} records; one each is needed")
     if period is None and segment is None:
-        found = {find_period(x) or find_noisy_period(x) for x in references}
+        found = {find_noisy_period(x) for x in references}
         samples = found.pop() if len(found) == 1 else None
     else:
         samples = None if period is None else round(period / h)
@@ -351,7 +350,7 @@ def estimate_frf(
             transient = max(1, math.ceil(0.25 * min(map(len, inputs)) / samples - 0.01))
         for r, x in zip(runs, references, strict=True):
             if period is not None and not repeats(x[int(transient) * samples :], samples):
-                found_at = find_period(x) or find_noisy_period(x)
+                found_at = find_noisy_period(x)
                 better = f", but with one of {found_at * h:g} s" if found_at else "; leave it out, or give another"
                 raise DataError(f"{r.name}: the input does not repeat with a period of {period:g} s{better}")
         found_ = periodic(title, inputs, outputs, references, samples, transient, h)

@@ -70,12 +70,13 @@ def estimate_noise(records: Sequence[Record], inertia: float) -> Noise:
     adds to that spectrum, so the quieter records say what the noise is; a median over segments keeps single events
     (reversals, impacts) out of each.
     """
-    told = [_density(alike, inertia) for alike in _by_rate(records)]
+    groups = _by_rate(records)
+    told = [_density(alike, inertia) for alike in groups]
     variance = _variances(*(np.concatenate(x) for x in zip(*told, strict=True)))
     count = float(np.median([count_size(r) for r in records]))
     torque, position = np.sqrt(variance)
     # Counts that are coarser than the motion make no white noise; that of the torque is in the torque at least.
-    loudness = np.concatenate([_loudness(alike) for alike in _by_rate(records)])
+    loudness = np.concatenate(list(map(_loudness, groups)))
     torque = min(torque, float(np.quantile(loudness, _QUIETER)))
     return Noise(float(torque), max(float(position), count / np.sqrt(12)), count)
 

@@ -34,9 +34,14 @@ def find_period(x: Array) -> int | None:
 
 
 def find_noisy_period(x: Array) -> int | None:
-    """The same of a signal with white noise of up to a tenth of its energy: it repeats but for that."""
-    likeness, share = _likeness(x), _white_share(x)
-    if likeness is None or not 0 < share < _MOST_NOISE:
+    """The same of a signal that may have white noise of up to a tenth of its energy: then it repeats but for that."""
+    likeness = _likeness(x)
+    if likeness is None:
+        return None
+    if clean := _period(likeness, len(x), _REPEATS):
+        return clean
+    share = _white_share(x)
+    if not 0 < share < _MOST_NOISE:
         return None
     allowed = share + 4 * math.sqrt(share / len(x))
     return _period(likeness, len(x), _REPEATS + allowed, allowed)
