@@ -134,6 +134,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("-o", "--output", required=True, metavar="DIR",
                      help="gets diagnosis.json, baseline.toml, model.toml, recording.rrd and report.html")
     sub.add_argument("--without", metavar="NAME,...", default="", help="effects that you know not to be there")
+    sub.add_argument("--effort", type=float, default=1.0, metavar="X",
+                     help="times the usual limit of the work that the search may take; inf: none (default: 1)")
     sub.add_argument("--json", metavar="FILE", help="write diagnosis.json to this file too")
 
     sub = command("fleet", _fleet, "fit or diagnose many measurement sets, or refit one many times, on all processors",
@@ -281,7 +283,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     if plant is not None:
         _expect_kind(plant, runs, options.model)
     with Bar() as bar:
-        result = diagnose(runs, plant, without=_names(options.without), progress=bar)
+        result = diagnose(runs, plant, without=_names(options.without), effort=options.effort, progress=bar)
         files.make_folder(folder)
         _write_diagnosis(folder, result)
     if extra:

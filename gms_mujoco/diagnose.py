@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from . import effects
 from .compare import compare_observations, quick_error
 from .dataset import Dataset
 from .diagnosis.conclusion import conclude, fits_alone, lowered
-from .diagnosis.custom import Shapes, expect_torques, named, scored
+from .diagnosis.custom import Shape, Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
 from .diagnosis.friction_shape import other_kind, with_exponents, with_many_elements, without_vanished
@@ -22,11 +22,13 @@ from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_dr
 from .diagnosis.given_setup import corrected_setup
 from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
+from .diagnosis.patience import Patience
 from .diagnosis.recheck import drop_last, join_laws
 from .diagnosis.search import Search
 from .diagnosis.steps import Step
 from .diagnosis.unfitted import shown_unfitted
-from .errors import DataError
+from .effort import counted
+from .errors import DataError, ModelError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
 from .identification.frf_observation import Seen, tells_another_noise
@@ -50,6 +52,7 @@ def diagnose(
     *,
     candidates: Shapes = (),
     without: Collection[str] = (),
+    effort: float = 1.0,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The whole loop: fit the baseline, find the effect that is missing, add it, refit, until nothing more earns it.
@@ -90,13 +93,17 @@ def diagnose(
             added. An effect in one file (see CONTRIBUTING) is. Along a frequency response it is given the steady
             motion, to and fro about 0, and NaN for the time, which is not known there: what follows time is none of it.
         without: names of effects that you know not to be there; they are not looked at.
+        effort: times the usual limits of the work that a search may take, `math.inf` for none. Beyond some thousand
+            replays of all records it goes on from what it has found alone, and tries nothing from the beginning; beyond
+            twice as many it ends, and a note says so. It is work that is counted, not time: the result is the same on
+            every machine.
         progress: called with a share in 0..1 and a message.
 
     Raises:
         DataError: there is nothing to fit, it is of the other kind of joint, or a candidate is no function, has the
             name of another or of an effect, or gives no torque for each sample.
         ModelError: no effect has the name of one in `without`, a load in the plant is heavier than its axis, or the
-            plant takes a goal and the data have torques, or the other way round.
+            plant takes a goal and the data have torques, or the other way round; or `effort` is not positive.
     """
     if not isinstance(runs, Dataset):
         raise DataError('a measurement set is expected first, as gms.load("folder") reads one, then a plant; '
@@ -104,6 +111,8 @@ def diagnose(
     without = [without] if isinstance(without, str) else without
     for name in without:
         effects.find(name)
+    if not effort > 0:
+        raise ModelError(f"effort must be positive, 1 as usual, math.inf for a search to its end; {effort!r} given")
     report = progress or silent
     if not runs.fit:
         raise DataError('no fit records; mark some with use = "fit"')
@@ -114,6 +123,15 @@ def diagnose(
     driven(start, runs.all)
     expect_torques(shapes, runs.fit)
     runs = runs.with_temperature_of_all()
+    with counted() as spent:
+        return _found(runs, plant, start, shapes, without, Patience(effort, spent), report)
+
+
+def _found(
+    runs: Dataset, plant: Plant | None, start: Plant, shapes: Mapping[str, Shape], without: Collection[str],
+    patience: Patience, report: Progress,
+) -> Diagnosis:  # fmt: skip
+    """The same, of what has been looked at."""
     report(0.0, "looking at the records")
     as_given, law_said, near = runs, "", None
     for turn in range(_TURNS):
@@ -122,7 +140,7 @@ def diagnose(
         expect_enough(seen, start)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
         select = observe(loaded(runs.select, start), start.inertia, bandwidth, near) if runs.select else []
-        ended = _searched(seen, select, start, plant is None, without, report)
+        ended = _searched(seen, select, start, plant is None, without, patience, report)
         search, law_said = ended.search, ended.law or law_said
         if setup_said and ended.law:
             # A payload that was found beside another friction has made up for what that lacks.
@@ -163,6 +181,8 @@ def diagnose(
         report(0.95, "scoring your candidates")
     own = scored(shapes, last, validate, comparison) if shapes else []
     found = conclude(steps, rejected, floor, search, moments, said, hint, own)
+    if patience.cut and found.remainder:
+        found = replace(found, notes=(*found.notes, patience.said))
     report(1.0, "done")
     return replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
 
@@ -185,14 +205,14 @@ class _Ended(NamedTuple):
 
 def _searched(
     seen: Sequence[Seen], select: Sequence[Seen], start: Plant, free_law: bool, without: Collection[str],
-    report: Progress,
+    patience: Patience, report: Progress,
 ) -> _Ended:  # fmt: skip
-    search = Search(seen, select, start, without)
+    search = Search(seen, select, start, without, patience=patience)
     way = searched(search, free_law, part(report, 0.02, 0.85), halt=contradicts)
     inertia_said = ""
     as_found = _with_law_of(search, start) if way.law else start
-    other = Search(seen, select, free(as_found), without)
-    if way.halted or is_doubtful(search, other):
+    other = Search(seen, select, free(as_found), without, patience=patience)
+    if way.halted or (not patience.is_at_end and is_doubtful(search, other)):
         instead = searched(other, free_law, part(report, 0.85, 0.9), search)
         if way.halted and not (is_needed(other, start) and corrected(search, other)):
             law = way.law
@@ -203,19 +223,19 @@ def _searched(
     load_said = ""
     if grows_with_drive(search):
         carried = by_drive(seen), by_drive(select)
-        other = Search(*carried, start, without)
+        other = Search(*carried, start, without, patience=patience)
         instead = searched(other, free_law, part(report, 0.9, 0.9), search)
         if load_said := grown(search, other):
             (seen, select), search, way = carried, other, instead
     law_said, late = way.law, way.late
     if free_law and not search.at_floor and not search.hint:
         laws = choices(start)[1:]
-        others = [Search(seen, select, with_law(start, law), without, quick=search.timed) for law in laws]
-        for other in leading_further(search, others):
+        others = [Search(seen, select, with_law(start, law), without, search.timed, patience) for law in laws]
+        for other in [] if patience.is_at_end else leading_further(search, others):
             instead = searched(other, False, part(report, 0.9, 0.9), search)
             if better := much_better(search, other):
                 search, late, law_said = other, instead.late, better
-            if search.at_floor:
+            if search.at_floor or patience.is_at_end:
                 break
     if free_law and (joined := join_laws(search)):
         law_said = "; ".join(filter(None, (law_said, joined)))
@@ -231,7 +251,7 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
     """The last fit at its end, without effects that are none there, and since when the records are off it."""
     while True:
         kept = search.steps[-1]
-        if search.timed:
+        if search.timed and not search.patience.is_at_end:
             result, held_out = other_kind(kept.result, kept.held_out)
             search.steps[-1] = kept = replace(kept, result=result, held_out=held_out)
         free_to_bend = gone_on(with_exponents(kept.result, start))

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
 from typing import TypeVar
 
@@ -104,7 +105,7 @@ def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
                 out[at] = function(todo[at])
 
     pool = _pool(n - 1, os.getpid())  # threads do not survive a fork
-    others = [pool.submit(work) for _ in range(n - 1)]
+    others = [pool.submit(copy_context().run, work) for _ in range(n - 1)]
     try:
         work()
     finally:

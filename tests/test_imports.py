@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "gms_mujoco"
 
 # A module may import those of lower rank, and of its own rank where the drawing lets it.
 LAYERS = [
-    {"errors", "parameter", "version", "registration"},
+    {"errors", "parameter", "version", "registration", "effort"},
     {"files", "units", "timing", "turns", "progress", "recent", "figure", "tall", "folds", "noise_band",
      "residual_maps", "native", "excitation", "free_motion", "spectra", "threads", "variances"},
     {"harmonics", "frf_units", "place_spectrum", "slow_signal"},
@@ -32,7 +32,7 @@ LAYERS = [
     {"compare_servo", "rough"},
     {"servo_residuals"},
     {"held_out", "fit_result", "history"},
-    {"linear_model", "refine", "other_causes"},
+    {"linear_model", "refine", "other_causes", "patience"},
     {"screen", "habits"},
     {"mjcf", "bam", "servo", "fit", "compare", "compare_frf", "bench", "sweep", "hensen"},
     {"measured_axis"},

@@ -20,11 +20,13 @@ LAWS: dict[str, Effect] = {
     "dahl": effects.Dahl(stiffness=1.5, coulomb=FC),
     "lugre": effects.LuGre(stiffness=1.5, damping=1e-4, **CURVE),
     "elastic": effects.LuGre(stiffness=1.5, damping=1e-4, elastic=0.6, **CURVE),
+    "plastic": effects.LuGre(stiffness=1.5, damping=1e-4, plastic=1, **CURVE),
     "gms": effects.GMS(stiffness=[0.8, 0.4, 0.2, 0.1], fraction=[0.1, 0.2, 0.3, 0.4], attraction=0.3, **CURVE),
 }
 EVERY = pytest.mark.parametrize("law", LAWS)
-DYNAMIC = pytest.mark.parametrize("law", ["dahl", "lugre", "elastic", "gms"])
-EXPONENT = {"stribeck": 1, "lugre": 2, "elastic": 2, "gms": 1}  # of the Stribeck curve; none: level Fc at every speed
+DYNAMIC = pytest.mark.parametrize("law", ["dahl", "lugre", "elastic", "plastic", "gms"])
+# Of the Stribeck curve; none: level Fc at every speed.
+EXPONENT = {"stribeck": 1, "lugre": 2, "elastic": 2, "plastic": 2, "gms": 1}
 
 
 def friction(plant, q, dt=1e-3, load=None):
@@ -229,6 +231,20 @@ def test_a_bristle_that_only_bends_gives_way_as_published_whatever_the_step(shar
     for n in (1, 7, 1000):
         reached = [friction(plant, np.linspace(0, way, n + 1))[-1] for way in ways]
         np.testing.assert_allclose(reached, FC * exact, atol=5e-5 * FC)
+
+
+def test_a_spring_that_is_cut_off_moves_as_its_authors_step_it():
+    """Kikuuwe et al. (2006): backward Euler of a spring and a damper, whose force is cut off at the level."""
+    law, dt = effects.LuGre(stiffness=1.5, damping=4e-3, plastic=1, **CURVE), 2e-5
+    t = np.arange(0, 1.5, dt)
+    q = 0.02 * np.sin(2 * np.pi * 4 * t) * t + 0.1 * np.sin(2 * np.pi * 1.3 * t)
+    bend, forces, way = 0.0, np.zeros(len(t)), np.diff(q, prepend=q[:1])
+    for i, d in enumerate(way):
+        level = abs(curve("plastic", d / dt)) if d else FS
+        forces[i] = np.clip(law.stiffness * (bend + d) + law.damping * d / dt, -level, level)
+        bend = (forces[i] + law.damping * bend / dt) / (law.stiffness + law.damping / dt)
+    assert np.abs(friction(Plant.axis() + law, q, dt) - forces)[1:].max() < 2e-3 * FS
+    assert np.abs(forces).max() > 0.99 * FC
 
 
 @pytest.mark.parametrize("elastic", [0.0, 0.6])

@@ -8,12 +8,16 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..fit import fit_observations, from_the_data
 from ..fit_result import FitResult, result_of
 from ..identification.held_out import HeldOut, p_value
+from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
+from ..identification.misfit import Misfit
+from ..identification.refine import refined
 from ..identification.starts import LAWS, to_identify
 from ..plant import Plant
 from ..progress import silent
@@ -22,7 +26,9 @@ from .friction_shape import (
     OF_REVERSALS,
     elastic_bristle,
     fading_damping,
+    of_the_other_kind,
     other_curve,
+    plastic_bristle,
     shaped_as,
     turning_round,
 )
@@ -39,6 +45,8 @@ from .judgement import (
 from .search import Search
 from .steps import Step
 
+Array = NDArray[np.float64]
+
 # Each of `LAWS` describes by itself how friction begins, weakens and turns round. The one bristle of `lugre` is damped,
 # forgets its reversals and creeps, which the elements of `gms` do not; `coulomb`, `stribeck` and `dahl` are contained
 # in both, but for a `dahl` with another exponent than 1, and a `stribeck` with a creep velocity: that gives way below
@@ -46,6 +54,8 @@ from .steps import Step
 _TRIED_WITH = {"stribeck": {"creep_velocity": math.nan}}
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
+_DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
+_STEPS = 10  # of its parameters, before it is fitted
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 
 
@@ -112,6 +122,8 @@ class FrictionLaw:
             most = _NEAR * now.misfit.cost(now.vector)
             in_reach = most * _IN_REACH if OF_REVERSALS in law.values else most
             tried = [from_the_data(with_law(now.plant, form), search.seen, below=in_reach) for form in _forms(law)]
+            if "plastic" in law.values and "gms" in now.plant:
+                tried += _cut_off(now, most)
             misfit, x = min(tried, key=lambda t: t[0].cost(t[1]))
             if most < misfit.cost(x) <= in_reach:
                 misfit, x = turning_round(misfit, x, law.name, most)
@@ -120,7 +132,7 @@ class FrictionLaw:
             result = result_of(misfit, x)
             # A bristle that bends, or whose damping fades, is no step further: without it a fit ends in another place.
             # Nor is the exponent by which friction turns round.
-            bends = elastic_bristle(result, cross_validated(result.misfit, result.vector))
+            bends = plastic_bristle(*elastic_bristle(result, cross_validated(result.misfit, result.vector)))
             result, held_out = other_curve(*fading_damping(*bends), [OF_REVERSALS])
             p = p_value(search.held_out, held_out)
             worth = search.is_worth_it(result, held_out)
@@ -206,7 +218,26 @@ def _strays(plant: Plant) -> bool:
 
 def _forms(law: Effect) -> tuple[Effect, ...]:
     """A law in each of the forms between which no fit finds a way."""
-    return (law, law.replace(elastic=BENDS)) if "elastic" in law.values and not law.elastic else (law,)
+    if "elastic" not in law.values or law.elastic or law.plastic:
+        return (law,)
+    return (law, law.replace(elastic=BENDS))
+
+
+def _cut_off(now: FitResult, below: float) -> list[tuple[Misfit, Array]]:
+    """Fits with a damped spring that is cut off at the level in the place of the elements of `gms`, by either of the
+    usual curves: as stiff as one that gives way where they do, from the data alone no fit finds it; see `refine` for
+    `below`."""
+    gms, plant = now.plant["gms"], now.plant
+    stiffness = 1 / float(np.sum(np.asarray(gms.fraction) ** 2 / np.asarray(gms.stiffness)))
+    damping = _DAMPED * math.sqrt(stiffness * plant.driven_inertia)
+    curve = {name: gms.values[name] for name in ("coulomb", "static", "stribeck_velocity", "stribeck_exponent")}
+    law = to_identify("lugre").replace(stiffness=stiffness, damping=damping, plastic=1.0, **curve)
+    found = []
+    for form in (law, of_the_other_kind(law)):
+        misfit = Misfit(with_law(plant, form), now.misfit.observations)
+        x = misfit.vector(misfit.coordinates.template, skew=now.misfit.skew(now.vector))
+        found.append((misfit, refined(misfit, nudge(misfit, x, _STEPS), below=below)))
+    return found
 
 
 def law_of(plant: Plant) -> str:
@@ -225,7 +256,9 @@ def choices(plant: Plant) -> tuple[Effect, ...]:
 def _told(plant: Plant, name: str) -> str:
     """The name of the law of a plant, and what friction does by it where that is not what one expects of the name."""
     creep, unit = plant.numbers().get(f"{name}.creep_velocity", (0.0, ""))
-    return f"{name}, which gives way below its level (creep velocity {creep:.3g} {unit})," if creep else name
+    if creep:
+        return f"{name}, which gives way below its level (creep velocity {creep:.3g} {unit}),"
+    return f"{name}, as a damped spring that is cut off at its level," if plant[name].values.get("plastic") else name
 
 
 def with_law(plant: Plant, law: Effect) -> Plant:

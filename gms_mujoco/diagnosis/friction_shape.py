@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 _OF_SPEED, OF_REVERSALS = "stribeck_exponent", "exponent"  # of the curve over speed; over the way after a reversal
 _EXPONENTS = (_OF_SPEED, OF_REVERSALS)
 _EXPONENTIAL, _GAUSSIAN = 1.0, 2.0  # exponents of the usual Stribeck curves
-_SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic")
+_SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic", "plastic")
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 BENDS = 0.6  # of the level of sliding, below which a bristle only bends, to begin with
@@ -48,8 +48,8 @@ _AS_MUCH = 1.001  # times an error: the same one
 _PARTED = 0.1  # of the squared error that is not noise, for which friction gets one element more
 
 
-def _of_the_other_kind(law: Effect, usual: float) -> Effect:
-    """A law with a Gaussian curve; of a Gaussian one with an exponential."""
+def of_the_other_kind(law: Effect, usual: float = 0.0) -> Effect:
+    """A law with a Gaussian curve; of a Gaussian one with an exponential, whatever speed is `usual`."""
     return law.replace(**{_OF_SPEED: _EXPONENTIAL if law.values[_OF_SPEED] == _GAUSSIAN else _GAUSSIAN})
 
 
@@ -57,7 +57,7 @@ def _of_the_other_kind(law: Effect, usual: float) -> Effect:
 # usual ones; those whose velocities lie between those of `starts`.
 _CURVES: tuple[Callable[[Effect, float], Effect], ...] = (
     lambda law, usual: law,
-    _of_the_other_kind,
+    of_the_other_kind,
     lambda law, usual: weakened(law, 0.1 * usual),
     lambda law, usual: weakened(law, usual),
 )
@@ -82,7 +82,7 @@ def other_curve(
         for begun in _CURVES if exponent == _OF_SPEED else _CURVES[:1]:
             if at_floor(now, left, _NEARLY_NOISE):
                 break
-            if begun is _of_the_other_kind and not at_floor(now, left, CLOSE_TO_FLOOR):
+            if begun is of_the_other_kind and not at_floor(now, left, CLOSE_TO_FLOOR):
                 continue
             if bent := _bent(now, begun(now.plant[name], usual), exponent):
                 now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
@@ -100,7 +100,7 @@ def other_kind(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     for law in (e for e in now.plant.effects if e.values.get(_OF_SPEED) in (_EXPONENTIAL, _GAUSSIAN)):
-        misfit, x = now.misfit.onto(now.plant.replace(_of_the_other_kind(law, 0.0)), now.vector)
+        misfit, x = now.misfit.onto(now.plant.replace(of_the_other_kind(law)), now.vector)
         if (near := _nudged(now, misfit, x)) is not None:
             now, left = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
     return now, left
@@ -152,7 +152,7 @@ def fading_damping(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
 def elastic_bristle(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     """A fit with a bristle that only bends below a share of its level, where that takes a good part of what is left;
     else the same; see `fading_damping`."""
-    if "lugre" not in now.plant or at_floor(now, left, _NEARLY_NOISE):
+    if "lugre" not in now.plant or now.plant["lugre"].plastic or at_floor(now, left, _NEARLY_NOISE):
         return now, left
     law = now.plant["lugre"]
     bends = now.plant.replace(law.replace(elastic=law.elastic or BENDS))
@@ -162,6 +162,22 @@ def elastic_bristle(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
         return now, left
     x = refined(misfit, x)
     return _better(now, left, fit_to_end(*misfit.onto(misfit.plant(x), x)), LEAST_SHARE)
+
+
+def plastic_bristle(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with a damped spring that is cut off at the level, by either of the usual curves, in the place of a bristle
+    that only bends below a share of it, where that takes a good part of what is left; else the same.
+
+    From the data alone a fit does not find it; a bristle that only bends has come near.
+    """
+    if "lugre" not in now.plant or not now.plant["lugre"].elastic or at_floor(now, left, _NEARLY_NOISE):
+        return now, left
+    law = now.plant["lugre"].replace(elastic=0.0, plastic=1.0)
+    for form in (law, of_the_other_kind(law)):
+        misfit, x = now.misfit.onto(now.plant.replace(form), now.vector)
+        if (near := _nudged(now, misfit, x)) is not None:
+            now, left = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
+    return now, left
 
 
 def _nudged(now: FitResult, misfit: Misfit, x: Array) -> Array | None:

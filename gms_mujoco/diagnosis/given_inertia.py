@@ -84,7 +84,8 @@ def is_doubtful(search: Search, other: Search) -> bool:
             continue
         if not search.at_floor or _is_as_good(fit_to_end(misfit, x), search):
             return True
-    if search.at_floor or _is_told_between_moments(search):
+    # Where noise leaves as much of what was fitted, and more only of blocks not seen, no inertia does better.
+    if search.at_floor or last.error <= AT_FLOOR * last.floor or _is_told_between_moments(search):
         return False
     much_less = max(floor + MUCH_LESS * max(least - floor, 0.0), AT_FLOOR**2 * floor)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)

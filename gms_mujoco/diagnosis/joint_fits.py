@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 
@@ -26,6 +26,7 @@ from ..identification.screen import Candidate
 from ..identification.servo_observation import ServoObservation
 from ..plant import Plant
 from .judgement import AT_FLOOR, FINALISTS, floor_of, left_of, most_of_use
+from .patience import Patience
 from .plays import from_other_contacts, looked_at
 
 Array = NDArray[np.float64]
@@ -67,11 +68,13 @@ class JointFits:
         start: the plant that the search began with.
         seen: what is fitted.
         added: names of the effects that the search has added to it.
+        patience: where that is short nothing is fitted from the beginning.
     """
 
     start: Plant
     seen: tuple[Seen, ...]
     added: frozenset[str]
+    patience: Patience = field(default_factory=Patience)
 
     @property
     def simulated(self) -> bool:
@@ -239,7 +242,7 @@ class JointFits:
             misfit, x: the rough fit.
         """
         near = Misfit(misfit.plant(x), self.seen)
-        if left_of(near, x) <= CLOSE_TO_FLOOR**2 * floor_of(now):
+        if left_of(near, x) <= CLOSE_TO_FLOOR**2 * floor_of(now) or self.patience.is_short:
             return self.best(self.to_end(near, x))
         afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
         if afresh.is_near_floor:
@@ -251,7 +254,7 @@ class JointFits:
 
         A plant that has bent far to hide an effect may not find back.
         """
-        if result.error <= AT_FLOOR * result.floor:
+        if result.error <= AT_FLOOR * result.floor or self.patience.is_short:
             return result
         begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
         return min(result, begun, key=attrgetter("error"))
@@ -261,7 +264,7 @@ class JointFits:
         leaves less: a form that is wrong may lead the plant to where no other does better."""
         effect = result.plant[name]
         ways = [form for form in self.forms(effect) if effect.replace(**form) != effect]
-        if not ways or result.error <= AT_FLOOR * result.floor:
+        if not ways or result.error <= AT_FLOOR * result.floor or self.patience.is_short:
             return result
         least = result.misfit.cost(result.vector)
         rough = self.afresh(result.plant.without(name), absent(effect), ways, least)

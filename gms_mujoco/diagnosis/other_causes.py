@@ -27,6 +27,7 @@ _SLEWS = np.geomspace(0.01, 0.7, 8)  # of the fastest change of the torque, that
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _TWICE = 1.5  # waves to a revolution: fewer are one
+_TOLD = 0.25  # of a wave over all places, by which their number is told
 _FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
 _FINER = 8  # times finer than a record tells two frequencies apart
 _MOVES = 0.02  # of the square of the velocity, at the frequency of a torque that is not the motion's own
@@ -443,12 +444,40 @@ def _of_waves(now: FitResult) -> list[Torques]:
 def _waves_in(now: FitResult, *grow: Callable[[Array], Array]) -> float:
     """Waves in a radian or a metre, that grow with one function of the velocity or another; 0 where what is left has
     none."""
-    seen = records_of(now)
-    left = now.misfit.residual(now.vector)
-    position = np.concatenate([o.position[o.index] for o in seen])
-    velocity = np.concatenate([o.velocity[o.index] for o in seen])
-    period, share = max((wave(position, left, f(velocity)) for f in grow), key=lambda w: w[1])
-    return 2 * math.pi / period if share > _IN_WAVES else 0.0
+    velocity = np.concatenate([o.velocity[o.index] for o in records_of(now)])
+    return _number_of(now, *(f(velocity) for f in grow))
+
+
+def _number_of(now: FitResult, *factors: Array) -> float:
+    """The same, of waves times one factor (m,) or another: to a revolution a whole number, where one is as close as
+    the place that was passed through tells."""
+    position, left = np.concatenate([o.position[o.index] for o in records_of(now)]), now.misfit.residual(now.vector)
+    period, share = max((wave(position, left, f) for f in factors), key=lambda w: w[1])
+    number = 2 * math.pi / period if share > _IN_WAVES else 0.0
+    whole = now.plant.kind == "hinge" and abs(round(number) - number) * float(np.ptp(position)) < _TOLD * 2 * math.pi
+    return float(round(number)) if whole else number
+
+
+def _of_ripple(now: FitResult) -> list[Torques]:
+    """What a drive gives less whose torque constant goes in waves over the place, of the period that carries most."""
+    number = _ripples(now)
+
+    def one(o: Observation) -> Torques:
+        angle = number * o.position
+        return _taking(np.stack([mean_torque(o.record, o.record.torque * w(angle)) for w in (np.cos, np.sin)], 1))
+
+    return list(map(one, records_of(now))) if number else []
+
+
+def _ripples(now: FitResult) -> float:
+    """Waves in a radian or a metre, of a share of the torque; 0 where what is left has none."""
+    asked = np.concatenate([o.band(mean_torque(o.record)) for o in records_of(now)])
+    return _number_of(now, asked)
+
+
+def _say_ripple(now: FitResult, strength: Array) -> str:
+    return (f"a torque constant that ripples over the place, {_many(now, _ripples(now))}, by "
+            f"{100 * float(np.hypot(*strength)):.2g} % to either side")  # fmt: skip
 
 
 def _many(now: FitResult, number: float) -> str:
@@ -482,6 +511,11 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_sense, lambda now, s: abs(float(s[0])), _say_sense,
         "A known load, as a weight on a lever, held at rest to the one side and to the other.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_ripple, lambda now, s: float(np.hypot(*s)), _say_ripple,
+        "A known load, as a weight on a lever, held at rest at many places, close together beside a wave.",
         taken_from=_asked_for,
     ),
     Cause(

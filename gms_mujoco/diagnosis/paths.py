@@ -58,7 +58,7 @@ def searched(
     if _to_its_end(search, friction, part(report, 0.22, 0.82), halt=halt):
         return Way(friction.said, halted=True)
     leads = instead_of is None or leaves_much_less(instead_of.steps[-1].result, search.steps[-1].result)
-    if leads and not search.at_floor and not search.quick:
+    if leads and not (search.at_floor or search.quick or search.patience.is_short):
         friction = along_rivals(search, friction, part(report, 0.82, 1.0))
     drop_shadows(search)
     return Way(friction.said, drop_late(search) or drop_series(search) or drop_ripple(search))
@@ -68,14 +68,17 @@ def _to_its_end(
     search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS,
     before_it: Sequence[Search] = (), halt: Callable[[Search], bool] | None = None,
 ) -> bool:  # fmt: skip
-    """Goes on to where nothing more earns its place, there are `most` effects, or one of those before it has been or
-    is far ahead; whether it was to halt before."""
+    """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end, or one of those
+    before it has been or is far ahead; whether it was to halt before."""
     # With another law, or once it sees the log by another of its habits, a search begins anew, and so do its rounds.
     k, seen, said = 0, search.seen, friction.said
     while k < MOST_ROUNDS:
         k = k + 1 if search.seen is seen and friction.said == said else 1
         seen, said = search.seen, friction.said
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
+            return False
+        if k > 1 and search.patience.is_at_end:
+            drop_false(search)
             return False
         law = friction.better()
         if law is not None and law.clear:
@@ -92,9 +95,9 @@ def _to_its_end(
             if law is not None and law.held_out.total < search.held_out.total:
                 search.steps = before
                 friction.take(law)
-            elif exchange(search):
+            elif not search.patience.is_at_end and exchange(search):
                 search.shape()  # what another effect had hidden of it may show now
-            if not search.at_floor:
+            if not (search.at_floor or search.patience.is_at_end):
                 search.reformed()  # what a form leaves that was chosen while another effect was missing is no third
             continue
         if law is not None:
@@ -102,7 +105,8 @@ def _to_its_end(
             continue
         report(k / MOST_ROUNDS, "checking the order")
         dropped = drop_false(search)
-        if not (search.reformed() or dropped):
+        reformed = not search.patience.is_at_end and search.reformed()
+        if not (reformed or dropped):
             break
     else:
         drop_false(search)
@@ -135,7 +139,7 @@ def along_rivals(search: Search, friction: FrictionLaw, report: Progress) -> Fri
             if len(other.steps) > most:  # there may be more to it
                 _to_its_end(other, law, silent)
             ends.append((other, law))
-        if other.at_floor:
+        if other.at_floor or search.patience.is_short:
             break
     other, law = ends[best([s for s, _ in ends])]
     search.become(other)

@@ -33,6 +33,7 @@ from .friction_shape import (
     fading_damping,
     more_elements,
     other_curve,
+    plastic_bristle,
     shaped_as,
     without_idle,
 )
@@ -65,6 +66,7 @@ from .judgement import (
 from .moments import has_moments
 from .openings import DRAG, afresh, beside_following, beside_straight, for_stuck, general_laws, straight
 from .pairs import TwoAtOnce
+from .patience import Patience
 from .reading import TorqueReading, ring
 from .steps import Step, Tried
 from .trials import beside_contained, beside_load, is_needless, p_beside, surer
@@ -90,14 +92,15 @@ class Search:
         start: to begin with.
         without: names of effects that are not looked at.
         quick: whether it follows what it sees alone: nothing is tried from the beginning, and no path not taken.
+        patience: how far it goes; None: to its end.
     """
 
     def __init__(
         self, seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str] = (),
-        quick: bool = False,
+        quick: bool = False, patience: Patience | None = None,
     ) -> None:  # fmt: skip
         self.seen, self.select, self.start, self.without = list(seen), list(select), start, without
-        self.quick = quick
+        self.quick, self.patience = quick, patience or Patience()
         self.steps: list[Step] = []
         self.rejected: list[Tried] = []
         self.false: set[str] = set()  # effects that were added and taken away again
@@ -109,7 +112,8 @@ class Search:
     @property
     def fits(self) -> JointFits:
         """How the current plant is fitted with one effect more."""
-        return JointFits(self.start, tuple(self.seen), frozenset(s.effect for s in self.steps if s.effect))
+        added = frozenset(s.effect for s in self.steps if s.effect)
+        return JointFits(self.start, tuple(self.seen), added, self.patience)
 
     @property
     def held_out(self) -> HeldOut:
@@ -153,6 +157,7 @@ class Search:
 
     def first(self, report: Progress) -> None:
         result = fit_as_logged(self.start, self.seen, report)
+        self.patience.begin(result)
         for e in filter(is_open, self.start.effects):
             self.start = self.start.replace(result.plant[e.name])
         self.seen = list(result.misfit.observations)  # of responses with what the fit has learnt about their points
@@ -278,6 +283,8 @@ class Search:
         ends = self._limit_instead(ends, best)
         ends += surer(best, ends, p_values)
         for i, (name, misfit, x) in enumerate(ends):
+            if trials and self.patience.is_at_end:
+                break
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
                 result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
@@ -350,7 +357,7 @@ class Search:
 
     def _afresh(self, candidates: Sequence[Candidate], report: Progress) -> list[Rough]:
         """Rough fits from the beginning, see `openings`; none at the noise floor."""
-        if self.at_floor or self.fits.simulated or self.quick:
+        if self.at_floor or self.fits.simulated or self.quick or self.patience.is_short:
             return []
         return afresh(self.steps[-1].result, self.fits, candidates, report)
 
@@ -447,7 +454,8 @@ class Search:
         last = self.steps[-1]
         if not self.timed:
             return False
-        read, left = fading_damping(*elastic_bristle(*by_the_letter(last.result, last.held_out)))
+        bends = elastic_bristle(*by_the_letter(last.result, last.held_out))
+        read, left = fading_damping(*plastic_bristle(*bends))
         bent, best = other_curve(read, left)
         self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
         result, held_out = (read, left) if self.waits else more_elements(bent, best)

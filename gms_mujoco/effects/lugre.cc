@@ -81,8 +81,27 @@ double pulled(double edge, double k, double along, double way, double from, doub
   return to == from || pull < edge ? pull : pull + (to - from) * following(k * way / s);
 }
 
+// Of a spring with a damper beside it, cut off at the level: pull and level at the end of an interval.
+double cut_off(const double* p, const gms::Motion& m, const gms::Level& level, const double* state, double* next) {
+  const double direction = gms::sign(m.displacement), damping = damping_at(p, m.rate());
+  double w = state[kPull];
+  if (direction != 0) {
+    const double k = p[0] * level.stiffness_at(direction);
+    const double s = gms::stribeck_level(m, p[2], p[3], p[4], p[5]) * level.at(direction);
+    // While both together pull as hard as the level lets them, the spring goes towards that as its damper lets it.
+    const double left = damping > 0 ? gms::decay(k * m.duration / damping) : 0;
+    const double most = s - (s - w) * left, least = -s + (w + s) * left;
+    w = std::fmin(std::fmax(w + k * m.displacement, least), most);
+  }
+  next[kPull] = w;
+  next[kLevel] = state[kLevel];
+  const double s = level_at(p, m.velocity, m.velocity, level);
+  return -std::fmin(std::fmax(w + damping_at(p, m.velocity) * m.velocity, -s), s);
+}
+
 double torque(const double* p, int, const gms::Motion& m, const gms::Level& level, const double* state,
               double* next) {
+  if (p[8] > 0) return cut_off(p, m, level, state, next);
   const double direction = gms::sign(m.displacement), before = direction * state[kLevel];
   double w = state[kPull], along = state[kLevel];
   if (direction != 0) {  // exact over the interval, with the curve at its mean velocity and a multiplier that goes evenly
@@ -118,9 +137,12 @@ const gms::Effect gms_effect_lugre = {
     "With an elastic share e > 0 the bristle only bends while it pulls less than e Fc along the motion, and slips beyond\n"
     "with dz/dt = v (1 - alpha sigma0 |z| / s(v)), where alpha = sin^2(pi/2 (sigma0 |z| - e Fc) / (s(v) - e Fc)), and 1\n"
     "above s: it neither creeps below e Fc nor gives way as it unbends. Integrated to 3e-5 of s, which stays as above.\n"
+    "With `plastic` it is a spring with a damper beside it, cut off at the level: F = clip(sigma0 z + sigma1 v, +-s(v)),\n"
+    "and while it slides, its spring goes to s(v) as the damper lets it. It neither creeps nor gives way below its level.\n"
     "Source: Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40 (1995); for Vd, Olsson,\n"
     "Astrom, Canudas de Wit, Gafvert and Lischinsky, European Journal of Control 4 (1998);\n"
-    "for e, Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control 47 (2002).",
+    "for e, Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control 47 (2002);\n"
+    "for `plastic`, Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto, IEEE Trans. Robotics 22 (2006).",
     "The torque error draws loops against position after each reversal, and steps with the sign of velocity.",
     "Reversals at amplitudes around the break-away distance, and slow constant-velocity runs.",
     {{"stiffness", "N m/rad", gms::kUnset, 0, gms::kInfinity, false, true, "sigma0, of the bristle"},
@@ -130,7 +152,8 @@ const gms::Effect gms_effect_lugre = {
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 2.0, 0.1, 10, false, false, "delta, shape of the weakening"},
      {"damping_velocity", "rad/s", 0, 0, gms::kInfinity, false, true, "Vd, velocity at which the damping is gone; 0: it stays"},
-     {"elastic", "1", 0, 0, 0.95, false, false, "e, share of Fc below which the bristle only bends; 0: none"}},
+     {"elastic", "1", 0, 0, 0.95, false, false, "e, share of Fc below which the bristle only bends; 0: none"},
+     {"plastic", "1", 0, 0, 1, false, false, "1: a damped spring, cut off at the level, whatever e"}},
     n_state,
     n_memory,
     recall,

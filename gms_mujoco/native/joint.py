@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import effort
 from ..errors import ModelError, listing
 from ..threads import at_hand
 from .shared_library import BY_NAME, address, library
@@ -72,6 +73,7 @@ class Joint:
                 raise ModelError(f"{name} with {n} elements needs more state than the {most} numbers of a joint")
         self.n_state: int = library.gms_joint_n_state(self.handle)
         self.n_memory: int = library.gms_joint_n_memory(self.handle)
+        self.n_elements = sum(self.counts)
 
     def __del__(self) -> None:
         if getattr(self, "handle", None) and library is not None:
@@ -106,6 +108,7 @@ class Joint:
             ModelError: an array of another length.
         """
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
+        effort.add(n * self.n_elements)
         torque = np.empty(n)
         shares = np.empty((n, self.n_effects)) if parts else None
         history = np.empty((n, self.n_state)) if states else None
@@ -145,6 +148,7 @@ class Joint:
             (n, elements) [N m].
         """
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
+        effort.add(n * self.n_elements)
         torque = np.empty((n, self.counts[effect]))
         library.gms_joint_elements(self.handle, effect, n, *map(address, inputs), address(torque))
         return torque
@@ -167,6 +171,7 @@ class Joint:
         shape = inputs[1].shape
         torque = np.empty(shape if effect is None else (shape[0], self.counts[effect], shape[1]))
         use = -1 if effect is None else effect
+        effort.add(inputs[1].size * self.n_elements)
         library.gms_joint_cycle(self.handle, use, at_hand(), *shape, *map(address, inputs), address(torque))
         return torque
 
@@ -203,6 +208,7 @@ class Joint:
         count = library.gms_joint_mean(
             self.handle, n, *map(address, inputs), tolerance, address(torque), address(instants), len(instants)
         )
+        effort.add(count * self.n_elements)
         return torque, instants[:count].copy()
 
     def simulate(
@@ -264,6 +270,7 @@ class Joint:
         n = len(torque)
         q, v, friction = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
         history = np.full((n, self.n_state), np.nan) if states else None
+        effort.add(n * substeps * self.n_elements)
         q[:1], v[:1] = position, velocity
         library.gms_joint_simulate(
             self.handle,
@@ -325,6 +332,7 @@ class Joint:
         numbers, *inputs = [np.ascontiguousarray(a, float) for a in (loop, time, goal, powered)]
         n = int((time[-1] - time[0]) / step) + 2
         q, v = np.full(n, np.nan), np.full(n, np.nan)
+        effort.add(n * self.n_elements)
         q[:1], v[:1] = position, velocity
         library.gms_servo_simulate(
             self.handle, n, step, inertia, rotor, weight, address(numbers), delay, len(inputs[0]),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import effort
 from .joint import Joint
 from .shared_library import library
 
@@ -94,6 +95,7 @@ def changes(
         (apart * elements + j - 1 - apart, count) [N m].
     """
     here = joints[0]
+    effort.add((len(joints) - 1) * len(time) * here.n_elements)  # however many calls they are shared out to
     out = np.empty((apart * here.counts[effect] + len(joints) - 1 - apart if apart else len(joints) - 1, band.count))
     motion = [None if a is None else a.ctypes.data for a in (time, position, velocity, load, temperature)]
     instants, asked = (None if a is None else a.ctypes.data for a in (band.instants, band.asked))

@@ -24,6 +24,7 @@ from gms_mujoco.parameter import Parameter
 from gms_mujoco.record import Record
 
 COGGING = effects.Cogging(harmonics=[13], amplitude=[0.2 * LEVEL], phase=[0.4])
+PLACED = effects.PositionDependentFriction(harmonics=[6], amplitude=[0.3], phase=[0.4])
 DRIFT = effects.ThermalDrift(amplitude=0.3, time_constant=1.0)
 ECCENTRIC = effects.EncoderEccentricity(amplitude=0.1, phase=0.7)
 COUPLED = effects.FlexibleCoupling(inertia=0.3 * J, frequency=40.0, damping=0.1)
@@ -47,6 +48,11 @@ def _sagging(r: Record) -> Record:
     """The record of a drive whose supply gives way, by a fifth at 1000 L W."""
     power = np.maximum(r.torque * Observation(r, 100.0).velocity, 0)
     return driven(r, r.torque / (1 - 0.2 * power / (1000 * LEVEL)))
+
+
+def _rippling(r: Record) -> Record:
+    """The record of a drive whose torque constant goes by a tenth to either side, six times in a revolution."""
+    return driven(r, r.torque / (1 + 0.1 * np.sin(6 * Observation(r, 100.0).position + 0.3)))
 
 
 def _growing(r: Record) -> Record:
@@ -206,6 +212,13 @@ def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
     assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
 
 
+@pytest.mark.parametrize("effect", [COGGING, PLACED], ids=lambda e: e.name)
+def test_a_torque_constant_that_ripples_is_neither_cogging_nor_friction(effect: Effect) -> None:
+    said = _said(effect, [_rippling(r) for r in runs(HEALTHY)])
+    told = re.match(r"a torque constant that ripples over the place, 6 to a revolution, by (\S+) %", said)
+    assert told is not None and float(told[1]) == pytest.approx(10, rel=0.1)
+
+
 @pytest.mark.parametrize("effect", [COGGING, ECCENTRIC], ids=lambda e: e.name)
 def test_a_reading_that_errs_in_waves_is_neither_an_eccentric_encoder_nor_cogging(effect: Effect) -> None:
     def misread(r: Record) -> Record:
@@ -217,7 +230,7 @@ def test_a_reading_that_errs_in_waves_is_neither_an_eccentric_encoder_nor_coggin
     assert told is not None and float(told[1]) == pytest.approx(0.03, rel=0.1)
 
 
-@pytest.mark.parametrize("effect", [COGGING, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", [COGGING, PLACED, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
 def test_the_effect_itself_is_not_beaten(effect: Effect) -> None:
     assert not _said(effect, runs(HEALTHY + effect))
 

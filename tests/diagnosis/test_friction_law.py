@@ -112,6 +112,17 @@ def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidd
     assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
 
 
+@AND_WHAT_IT_HIDES
+def test_a_damped_spring_that_is_cut_off_is_found_and_what_it_hides(hidden: str) -> None:
+    law = effects.LuGre(**TRUE | {"damping": 0.3 * np.sqrt(TRUE["stiffness"] * J), "plastic": 1.0})
+    true = BRISTLE.replace(law)
+    d = diagnose(dataset(true + HIDDEN[hidden] if hidden else true, SECONDS))
+    assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
+    assert d.steps[0].evidence.startswith("lugre, as a damped spring that is cut off at its level, describes the")
+    for name in ("stiffness", "damping", "coulomb"):
+        assert d.plant["lugre"].values[name] == pytest.approx(law.values[name], rel=0.05)
+
+
 def by_mujoco(hidden: str, limit: float = 1.0) -> Dataset:
     """Runs of an axis that MuJoCo itself simulates, frictionloss and all, at its default solver parameters, with a
     drive that gives no more than a limit [N m]."""

@@ -1,0 +1,52 @@
+"""A search ends within the work that it may take, with what it has found, and says so."""
+
+import math
+
+import pytest
+from bench import HEALTHY, HIDDEN, UNKNOWN, dataset
+
+from gms_mujoco import effort
+from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis.patience import Patience
+from gms_mujoco.errors import ModelError
+from gms_mujoco.fit import fit_observations
+from gms_mujoco.identification.misfit import Misfit
+from gms_mujoco.identification.observe import observe
+
+TWO = HEALTHY + HIDDEN["cogging"] + HIDDEN["gravity"]
+
+
+def test_it_is_counted_in_replays_of_the_first_plant() -> None:
+    first = fit_observations(UNKNOWN, observe(dataset(HEALTHY).fit, HEALTHY.inertia))
+    with effort.counted() as spent:
+        patience = Patience(0.01, spent)
+        patience.begin(first)
+        for n in range(65):
+            # What tells the size of one is one more.
+            assert (patience.is_short, patience.is_at_end) == (n >= 30, n >= 60), n
+            assert patience.cut == (n >= 30)
+            Misfit(first.plant, first.misfit.observations).cost(first.vector)
+
+
+def test_without_a_limit_nothing_is_left_out() -> None:
+    first = fit_observations(UNKNOWN, observe(dataset(HEALTHY).fit, HEALTHY.inertia))
+    with effort.counted() as spent:
+        patience = Patience(math.inf, spent)
+        patience.begin(first)
+        spent.add(10**15)
+        assert not (patience.is_short or patience.is_at_end or patience.cut)
+    assert not Patience().is_at_end
+
+
+def test_one_look_is_taken_however_little_it_may_take_and_what_was_left_out_is_said() -> None:
+    whole, hasty = diagnose(dataset(TWO), UNKNOWN), diagnose(dataset(TWO), UNKNOWN, effort=1e-6)
+    assert len(whole.found) == 2 and not any("limit" in note for note in whole.notes)
+    assert len(hasty.found) == 1 and hasty.found[0].name in [e.name for e in whole]
+    assert hasty.verdict == "partly_explained"
+    assert "limit of its work" in hasty.notes[-1] and "effort = 4e-06" in hasty.notes[-1]
+
+
+@pytest.mark.parametrize("given", [0.0, -1.0, math.nan])
+def test_an_effort_that_is_none_is_refused(given: float) -> None:
+    with pytest.raises(ModelError, match="effort must be positive"):
+        diagnose(dataset(HEALTHY), UNKNOWN, effort=given)
