@@ -10,14 +10,16 @@ from ..identification.misfit import Misfit
 
 _SHORT = 3_000  # replays of the first plant, after which a search follows what it sees alone
 _AT_END = 6_000  # after which it looks for nothing more
+_LEAST = 800_000  # elements followed, times instants, of a replay: as of ten records of 6 s at 1 kHz
 
 
 class Patience:
     """What one diagnosis may take, beside what it has taken so far.
 
-    The first plant tells in a few thousand replays along all records whether anything is missing, and most effects in
-    some thousands more. What takes many times as much is friction of no law that is known, or effects of no catalogue:
-    the search tries one way after another, and most of them lead nowhere.
+    The first plant tells in some hundred replays along all records whether anything is missing, and most effects are
+    found in one or two thousand. What takes many times as much is friction of no law that is known, or effects of no
+    catalogue: the search tries one way after another, and most of them lead nowhere. Of what is little, as of responses
+    alone, a replay is nearly free, and counts as if there were more of it.
 
     Args:
         effort: times the usual limits; infinite: there are none.
@@ -33,12 +35,12 @@ class Patience:
         self.cut = False
 
     def begin(self, first: FitResult) -> None:
-        """Takes the first plant, where none was taken before."""
+        """Takes the first plant for what a replay is, where none was taken before."""
         if math.isfinite(self._replay) or math.isinf(self._effort):
             return
         with counted() as once:
             Misfit(first.plant, first.misfit.observations).cost(first.vector)
-        self._replay = once.spent
+        self._replay = max(once.spent, _LEAST)
 
     @property
     def is_short(self) -> bool:

@@ -7,6 +7,7 @@ from bench import HEALTHY, HIDDEN, UNKNOWN, dataset
 
 from gms_mujoco import effort
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis import patience
 from gms_mujoco.diagnosis.patience import Patience
 from gms_mujoco.errors import ModelError
 from gms_mujoco.fit import fit_observations
@@ -16,25 +17,38 @@ from gms_mujoco.identification.observe import observe
 TWO = HEALTHY + HIDDEN["cogging"] + HIDDEN["gravity"]
 
 
-def test_it_is_counted_in_replays_of_the_first_plant() -> None:
+def test_it_is_counted_in_replays_of_the_first_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(patience, "_LEAST", 0)
     first = fit_observations(UNKNOWN, observe(dataset(HEALTHY).fit, HEALTHY.inertia))
     with effort.counted() as spent:
-        patience = Patience(0.01, spent)
-        patience.begin(first)
+        limit = Patience(0.01, spent)
+        limit.begin(first)
         for n in range(65):
             # What tells the size of one is one more.
-            assert (patience.is_short, patience.is_at_end) == (n >= 30, n >= 60), n
-            assert patience.cut == (n >= 30)
+            assert (limit.is_short, limit.is_at_end) == (n >= 30, n >= 60), n
+            assert limit.cut == (n >= 30)
             Misfit(first.plant, first.misfit.observations).cost(first.vector)
+
+
+def test_what_is_little_is_counted_as_more() -> None:
+    records = [r.slice(0, 300) for r in dataset(HEALTHY).fit]
+    first = fit_observations(UNKNOWN, observe(records, HEALTHY.inertia))
+    with effort.counted() as spent:
+        limit = Patience(1.0, spent)
+        limit.begin(first)
+        spent.add(3000 * patience._LEAST - spent.spent)
+        assert not limit.is_short
+        spent.add(1)
+        assert limit.is_short and not limit.is_at_end
 
 
 def test_without_a_limit_nothing_is_left_out() -> None:
     first = fit_observations(UNKNOWN, observe(dataset(HEALTHY).fit, HEALTHY.inertia))
     with effort.counted() as spent:
-        patience = Patience(math.inf, spent)
-        patience.begin(first)
+        limit = Patience(math.inf, spent)
+        limit.begin(first)
         spent.add(10**15)
-        assert not (patience.is_short or patience.is_at_end or patience.cut)
+        assert not (limit.is_short or limit.is_at_end or limit.cut)
     assert not Patience().is_at_end
 
 
