@@ -124,14 +124,14 @@ def diagnose(
     expect_torques(shapes, runs.fit)
     runs = runs.with_temperature_of_all()
     with counted() as spent:
-        return _found(runs, plant, start, shapes, without, Patience(effort, spent), report)
+        return _diagnosed(runs, plant, start, shapes, without, Patience(effort, spent), report)
 
 
-def _found(
+def _diagnosed(
     runs: Dataset, plant: Plant | None, start: Plant, shapes: Mapping[str, Shape], without: Collection[str],
     patience: Patience, report: Progress,
 ) -> Diagnosis:  # fmt: skip
-    """The same, of what has been looked at."""
+    """What `diagnose` says of arguments that have passed its checks."""
     report(0.0, "looking at the records")
     as_given, law_said, near = runs, "", None
     for turn in range(_TURNS):
@@ -228,10 +228,10 @@ def _searched(
         if load_said := grown(search, other):
             (seen, select), search, way = carried, other, instead
     law_said, late = way.law, way.late
-    if free_law and not search.at_floor and not search.hint:
+    if free_law and not (search.at_floor or search.hint or patience.is_at_end):
         laws = choices(start)[1:]
         others = [Search(seen, select, with_law(start, law), without, search.timed, patience) for law in laws]
-        for other in [] if patience.is_at_end else leading_further(search, others):
+        for other in leading_further(search, others):
             instead = searched(other, False, part(report, 0.9, 0.9), search)
             if better := much_better(search, other):
                 search, late, law_said = other, instead.late, better

@@ -19,7 +19,8 @@ from gms_mujoco.responses import harmonics
 from gms_mujoco.responses.harmonics import ORDERS, SAMPLES
 
 EVERY = pytest.mark.parametrize("name", effects.CATALOGUE)
-NATIVE = pytest.mark.parametrize("name", [n for n, c in effects.CATALOGUE.items() if c.is_native])
+NATIVE_NAMES = [n for n, c in effects.CATALOGUE.items() if c.is_native]
+NATIVE = pytest.mark.parametrize("name", NATIVE_NAMES)
 
 
 def example(name: str, elements: int = 3) -> Effect:
@@ -166,7 +167,7 @@ def test_standing_still_changes_no_state(name, motion):
 CUT_OFF = effects.LuGre(stiffness=1.6, damping=4e-3, coulomb=0.8, static=1.0, stribeck_velocity=1.2, plastic=1)
 
 
-@pytest.mark.parametrize("effect", [*(c.name for c in effects.CATALOGUE.values() if c.is_native), CUT_OFF], ids=str)
+@pytest.mark.parametrize("effect", [*NATIVE_NAMES, CUT_OFF], ids=str)
 def test_a_steady_cycle_is_the_last_of_many_periods(effect):
     """Also where half a period is enough (`turns_round`), and of an effect for which it is not."""
     plant = Plant.axis(1.0) + example("gms")

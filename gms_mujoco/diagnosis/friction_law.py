@@ -24,6 +24,7 @@ from ..progress import silent
 from .friction_shape import (
     BENDS,
     OF_REVERSALS,
+    STEPS,
     elastic_bristle,
     fading_damping,
     of_the_other_kind,
@@ -54,9 +55,8 @@ Array = NDArray[np.float64]
 _TRIED_WITH = {"stribeck": {"creep_velocity": math.nan}}
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
-_DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
-_STEPS = 10  # of its parameters, before it is fitted
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
+_DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ def _cut_off(now: FitResult, below: float) -> list[tuple[Misfit, Array]]:
     for form in (law, of_the_other_kind(law)):
         misfit = Misfit(with_law(plant, form), now.misfit.observations)
         x = misfit.vector(misfit.coordinates.template, skew=now.misfit.skew(now.vector))
-        found.append((misfit, refined(misfit, nudge(misfit, x, _STEPS), below=below)))
+        found.append((misfit, refined(misfit, nudge(misfit, x, STEPS), below=below)))
     return found
 
 

@@ -36,7 +36,7 @@ _SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic", "plastic")
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 BENDS = 0.6  # of the level of sliding, below which a bristle only bends, to begin with
-_STEPS = 10  # of a fit in which an exponent is free
+STEPS = 10  # of a fit with another shape of friction, before it is judged
 _MOST_ELEMENTS = 16  # of friction
 _OVER_ALL, _SLOW = 0.5, 0.1  # of the rms velocity: a curve that falls over most speeds, and one that falls before them
 _WEAKENS = 1.02  # times the level of sliding: by less friction does not weaken
@@ -126,7 +126,7 @@ def turning_round(misfit: Misfit, x: Array, law: str, below: float) -> tuple[Mis
     """The problem of a fit, and its solution, with the exponent by which its law of friction turns round that suits it
     best; see `refine` for `below`."""
     free, y = misfit.onto(misfit.plant(x), x, freed=[f"{law}.{OF_REVERSALS}"])
-    y = refined(free, nudge(free, y, _STEPS), below=below)
+    y = refined(free, nudge(free, y, STEPS), below=below)
     return free.onto(free.plant(y), y)
 
 
@@ -157,7 +157,7 @@ def elastic_bristle(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     law = now.plant["lugre"]
     bends = now.plant.replace(law.replace(elastic=law.elastic or BENDS))
     misfit, x = now.misfit.onto(bends, now.vector, freed=["lugre.elastic"])
-    x = nudge(misfit, x, _STEPS)  # it begins far above the plant, which has bent to hide it
+    x = nudge(misfit, x, STEPS)  # it begins far above the plant, which has bent to hide it
     if not takes(left_of(now.misfit, now.vector), left_of(misfit, x), floor_of(now), LEAST_SHARE / 2):
         return now, left
     x = refined(misfit, x)
@@ -184,7 +184,7 @@ def _nudged(now: FitResult, misfit: Misfit, x: Array) -> Array | None:
     """A few steps of another fit from where it begins; None where they promise too little beside the present one."""
     before, floor = left_of(now.misfit, now.vector), floor_of(now)
     below = now.misfit.cost(now.vector) - least_fall(before, floor) * misfit.delivered(x)
-    x = nudge(misfit, x, _STEPS, below)
+    x = nudge(misfit, x, STEPS, below)
     return x if takes(before, left_of(misfit, x), floor, LEAST_SHARE / 2) else None
 
 

@@ -463,15 +463,19 @@ def _of_ripple(now: FitResult) -> list[Torques]:
     number = _ripples(now)
 
     def one(o: Observation) -> Torques:
-        angle = number * o.position
-        return _taking(np.stack([mean_torque(o.record, o.record.torque * w(angle)) for w in (np.cos, np.sin)], 1))
+        return _taking(np.stack([rippling(o, number, w) for w in (np.cos, np.sin)], 1))
 
     return list(map(one, records_of(now))) if number else []
 
 
+def rippling(o: Observation, number: float, wave: Callable[[Array], Array]) -> Array:
+    """(n,) mean torque asked for around each sample, times a wave over the place, `number` in a radian or a metre."""
+    return mean_torque(o.record, o.record.torque * wave(number * o.position))
+
+
 def _ripples(now: FitResult) -> float:
     """Waves in a radian or a metre, of a share of the torque; 0 where what is left has none."""
-    asked = np.concatenate([o.band(mean_torque(o.record)) for o in records_of(now)])
+    asked = np.concatenate([o.band(_asked_for(now, o)) for o in records_of(now)])
     return _number_of(now, asked)
 
 

@@ -97,7 +97,7 @@ def _to_its_end(
                 friction.take(law)
             elif not search.patience.is_at_end and exchange(search):
                 search.shape()  # what another effect had hidden of it may show now
-            if not (search.at_floor or search.patience.is_at_end):
+            if not search.at_floor:
                 search.reformed()  # what a form leaves that was chosen while another effect was missing is no third
             continue
         if law is not None:
@@ -105,8 +105,7 @@ def _to_its_end(
             continue
         report(k / MOST_ROUNDS, "checking the order")
         dropped = drop_false(search)
-        reformed = not search.patience.is_at_end and search.reformed()
-        if not (reformed or dropped):
+        if not (search.reformed() or dropped):
             break
     else:
         drop_false(search)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..fit_result import FitResult
-from ..identification.between_samples import mean_torque
 from ..identification.candidates import absent
 from ..identification.held_out import HeldOut, p_value, scatter
 from ..identification.inverse import Observation
@@ -26,6 +25,7 @@ from ..plant import Plant
 from .beyond import beyond
 from .joint_fits import LIMITS
 from .judgement import CLOSE, FALSE_DISCOVERY_RATE, NEARLY, Trial, carries, residual_of, simplest, without
+from .other_causes import rippling
 from .search import Search
 from .steps import Step, Tried
 
@@ -389,7 +389,8 @@ def drop_ripple(search: Search) -> str:
     misfit, x = left.misfit, left.vector
     model = LinearModel(misfit, x, misfit.residual(x))
     harmonics = np.atleast_1d(last.result.plant[name].values["harmonics"])
-    columns = np.stack([_rippling(seen, n, wave) for n in harmonics for wave in (np.sin, np.cos)], 1)
+    waves = [(n, wave) for n in harmonics for wave in (np.sin, np.cos)]
+    columns = np.stack([np.concatenate([o.band(rippling(o, *w)) for o in seen]) for w in waves], 1)
     columns *= model.determined[:, None]
     rippled = HeldOut(model.held_out(columns) / math.sqrt(misfit.delivered(x)), misfit.observations)
     if rippled.total > last.held_out.total or p_value(last.held_out, rippled) > FALSE_DISCOVERY_RATE:
@@ -403,11 +404,6 @@ def drop_ripple(search: Search) -> str:
         f"a torque constant that ripples with harmonic {harmonics[most]:g} of the place, by {100 * by[most]:.2g} %, "
         f"explains more than {name} ({100 * (1 - rippled.total / held_out.total):.0f} % of the square)"
     )
-
-
-def _rippling(seen: Sequence[Observation], harmonic: float, wave: Callable[[Array], Array]) -> Array:
-    """(m,) band-limited torque of observations, times a wave over the place."""
-    return np.concatenate([o.band(mean_torque(o.record, o.record.torque * wave(harmonic * o.position))) for o in seen])
 
 
 def _of_harmonic(result: FitResult, name: str, harmonic: float) -> tuple[Array, float]:

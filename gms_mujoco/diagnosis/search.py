@@ -473,7 +473,7 @@ class Search:
         """
         names = frozenset(e.name for e in self.steps[-1].result.plant.effects)
         alone = len(self.steps) == 2 and not self.false
-        if alone or names in self._formed:
+        if self.patience.is_at_end or alone or names in self._formed:
             return False
         self._formed.add(names)
         before = self.steps[-1]

@@ -81,7 +81,7 @@ double pulled(double edge, double k, double along, double way, double from, doub
   return to == from || pull < edge ? pull : pull + (to - from) * following(k * way / s);
 }
 
-// Of a spring with a damper beside it, cut off at the level: pull and level at the end of an interval.
+// The torque of a spring with a damper beside it, cut off at the level, at the end of an interval, and its state there.
 double cut_off(const double* p, const gms::Motion& m, const gms::Level& level, const double* state, double* next) {
   const double direction = gms::sign(m.displacement), damping = damping_at(p, m.rate());
   double w = state[kPull];
