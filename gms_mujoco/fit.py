@@ -201,6 +201,8 @@ def from_the_data(
     first = best_start(plant, observations, fixed, report, below)
     report(0.5, "refining")
     misfit, x = begun(first, observations, fixed, below)
+    if not plant.unset:  # it says where to begin, and a coarse look may lead away from there
+        misfit, x = min((misfit, x), begun(plant, observations, fixed, below), key=lambda t: t[0].cost(t[1]))
     if misfit.cost(x) > _BEHIND * below:
         return misfit, x
     misfit, x = to_end(misfit, x, fixed, 40, below)

@@ -802,6 +802,20 @@ def test_units_are_read_wherever_a_name_has_them(torque: str, position: str, tmp
     assert "torque in" in " ".join(runs.notes) and "position in" in " ".join(runs.notes)
 
 
+@pytest.mark.parametrize("name", ["Moment", "moment", "Moment [mNm]"])
+def test_a_column_may_be_called_without_its_unit(name: str, tmp_path: Path) -> None:
+    raw = {"Zeit [s]": TIME, "Moment [mNm]": 1e3 * RUN["torque"], "Lage [deg]": np.degrees(RUN["position"])}
+    text = f'[[record]]\nfile = "run.csv"\ncolumns = {{ time = "Zeit", torque = "{name}", position = "lage" }}\n'
+    record = dataset(tmp_path, text, **raw).records[0]
+    assert np.allclose(record.torque, RUN["torque"][: len(record)])
+
+
+def test_a_name_that_two_columns_could_mean_is_asked_for(tmp_path: Path) -> None:
+    raw = {"time": TIME, "M [Nm]": RUN["torque"], "M [A]": RUN["torque"], "position": RUN["position"]}
+    text = '[[record]]\nfile = "run.csv"\ncolumns = { torque = "M" }\n'
+    refuses(tmp_path, text, "no column 'M' for torque; the file has M [A], M [Nm], position, time", **raw)
+
+
 def test_whole_numbers_of_a_current_ask_for_their_size(tmp_path: Path) -> None:
     raw = {"time": TIME, "current": np.round(900 * RUN["torque"]), "position": RUN["position"]}
     text = '[axis]\ntorque_constant = 0.1\n[[record]]\nfile = "run.csv"\n'

@@ -125,6 +125,19 @@ def test_starting_values_that_are_given_are_where_the_fit_starts() -> None:
         assert abs(off) < SHARP.get(label, 0.02), label
 
 
+@pytest.mark.parametrize("attraction", [20.0, 100.0, 1000.0])
+def test_a_fit_leaves_no_more_than_the_plant_that_it_was_given(attraction: float) -> None:
+    """A coarse look does not see what elements do between samples, and would lead away from the truth."""
+    fast = effects.GMS(
+        5, stiffness=np.geomspace(30, 0.5, 5) * LEVEL, fraction=[0.1, 0.3, 0.1, 0.3, 0.2], coulomb=LEVEL,
+        static=1.1 * LEVEL, stribeck_velocity=0.6, stribeck_exponent=1, attraction=attraction * LEVEL,
+    )  # fmt: skip
+    truth = HEALTHY.replace(fast) + effects.AsymmetricFriction(level=0.12)
+    found = fit(truth, runs(truth))
+    given = found.misfit.settle(found.misfit.vector(truth))
+    assert found.misfit.cost(found.vector) <= found.misfit.cost(given)
+
+
 @pytest.mark.parametrize("velocity", [0.05, 0.5, 5.0])
 def test_a_fit_that_ends_above_the_noise_goes_on_with_another_weakening(velocity: float) -> None:
     """Of a friction that weakens far below the usual speeds a few steps tell little of which start leads to it."""

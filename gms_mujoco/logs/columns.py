@@ -86,7 +86,7 @@ def pick(
 ) -> tuple[dict[str, Array], dict[str, str]]:
     """The columns of a record by their names in the contract, raw, and the units that the file states for them.
 
-    Names that nobody chose are found whatever their case, and with a unit behind them: "Torque [mNm]" is "torque".
+    Names are found to the letter, or else whatever their case and with a unit behind them: "Torque [mNm]" is "torque".
 
     Args:
         chosen: the user's columns.
@@ -101,7 +101,7 @@ def pick(
             "as in columns = { time = 0, torque = 1, position = 2 }"
         )
     available = by_name(table, dict(zip(COLUMNS, COLUMNS, strict=True)))
-    wanted = {k: v for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
+    wanted = {k: _meant(table, v, k) for k, v in chosen.items() if not (v is False and k in OPTIONAL)}
     if "torque" in chosen and "current" in chosen:
         raise DataError("columns: give torque or current, not both")
     drive = next((k for k in ("torque", "current") if k in chosen), None) or (
@@ -152,6 +152,13 @@ def by_name(table: formats.Table, words: Mapping[str, str]) -> dict[str, str]:
     names = [*table.columns, *table.unusable]
     alike = {k: [n for n in names if _parted(n, what)[0].lower() == k] for k, what in words.items()}
     return {k: k if k in names else found[0] for k, found in alike.items() if k in names or len(found) == 1}
+
+
+def _meant(table: formats.Table, at: Any, what: str) -> Any:
+    """The column that a user's name for it means."""
+    if not isinstance(at, str) or at in table.columns:
+        return at
+    return by_name(table, {at.lower(): what}).get(at.lower(), at)
 
 
 def _called(table: formats.Table, at: Any) -> Any:
