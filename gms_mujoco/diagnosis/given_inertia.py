@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..effect import Effect
 from ..fit_result import FitResult, result_of
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
@@ -18,6 +19,7 @@ from .search import Search
 
 _OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
 _LEFT_OVER = 0.1  # of the squared error above the floor, that an inertia leaves which explains nearly all of it
+_HARDLY = 0.02  # the same of one that is not clearly another: no effect looks as much like a little inertia
 _CLEARLY = 0.1  # relative difference of two inertias, of which one is wrong
 _ALIKE = 0.02  # of two that are the same
 
@@ -28,24 +30,42 @@ def free(plant: Plant) -> Plant:
 
 
 def contradicts(search: Search) -> bool:
-    """Whether beside what a search has found so far an inertia that is clearly another than the given one explains
-    nearly all that is above the noise floor: effects that are found beside the given one would stand for the
-    difference. Where it is right another explains next to nothing of what any effect does.
+    """Whether beside what a search has found so far an inertia that is another than the given one explains nearly all
+    that is above the noise floor, the nearer it is the more: effects that are found beside the given one would stand
+    for the difference. Where it is right another explains next to nothing of what any effect does.
+
+    So does a load that was found, where without it an axis that is as much lighter leaves hardly more.
     """
     last = search.steps[-1].result
     if not last.plant.inertia_known or search.fits.simulated or search.at_floor:
         return False
+    if any(_is_only_lighter(last, e) for e in last.plant.effects if e.hidden_inertia):
+        return True
     left, floor = left_of(last.misfit, last.vector), floor_of(last)
-    of_use = _OF_USE * _explained(left, floor)
+    of_use = _OF_USE * _explained(left, floor, _LEFT_OVER)
     undetermined = max(last.misfit.cost(last.vector) - left, 0.0)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
     x = nudge(misfit, x, below=of_use + undetermined)
     if left_of(misfit, x) > of_use:
         return False
     found = refine(misfit, x)
+    if _is_alike(_inertia(found.plant), _inertia(last.plant), _ALIKE):
+        return False
+    leaves = _HARDLY if _is_alike(_inertia(found.plant), _inertia(last.plant), _CLEARLY) else _LEFT_OVER
     # An axis that is lighter makes less of the noise of its encoder, and its floor is lower: that counts.
-    explains = left_of(found.misfit, found.vector) <= _explained(left, min(floor, floor_of(found)))
-    return explains and not _is_alike(_inertia(found.plant), _inertia(last.plant), _CLEARLY)
+    return left_of(found.misfit, found.vector) <= _explained(left, min(floor, floor_of(found)), leaves)
+
+
+def _is_only_lighter(last: FitResult, load: Effect) -> bool:
+    """Whether an axis without a load is as light as if its spring were too soft to move it, and leaves hardly more."""
+    felt, enough = last.plant.driven_inertia, CLOSE * left_of(last.misfit, last.vector)
+    misfit, x = without(last, load.name)
+    misfit, x = misfit.onto(replace(misfit.plant(x), inertia=felt, inertia_known=False), x)
+    x = nudge(misfit, x, below=_OF_USE * enough)
+    if left_of(misfit, x) > _OF_USE * enough:
+        return False
+    found = refine(misfit, x)
+    return left_of(found.misfit, found.vector) <= enough and _is_alike(_inertia(found.plant), felt, _ALIKE)
 
 
 def is_needed(search: Search, given: Plant) -> bool:
@@ -120,11 +140,13 @@ def corrected(search: Search, other: Search) -> str:
     A torque that reads too little looks the same, as by a wrong torque constant.
     """
     before, after = search.steps[-1].result, other.steps[-1].result
-    # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
-    fewer = other.at_floor and len(other.steps) < len(search.steps)
     # On a spring too soft to move it a load takes its inertia off the axis, and does nothing else.
     felt = before.plant.driven_inertia
-    fewer = fewer and (best([search, other]) == 1 or _is_alike(_inertia(after.plant), felt, _ALIKE))
+    lighter = felt < _inertia(before.plant) and _is_alike(_inertia(after.plant), felt, _ALIKE)
+    left = [left_of(r.misfit, r.vector) for r in (before, after)]
+    # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
+    fewer = other.at_floor or (lighter and left[1] <= CLOSE * left[0])
+    fewer = fewer and len(other.steps) < len(search.steps) and (lighter or best([search, other]) == 1)
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
     (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
@@ -137,9 +159,9 @@ def corrected(search: Search, other: Search) -> str:
     )
 
 
-def _explained(left: float, floor: float) -> float:
-    """What a fit leaves at most, squared, that explains nearly all that is left above a noise floor."""
-    return AT_FLOOR**2 * floor + _LEFT_OVER * max(left - floor, 0.0)
+def _explained(left: float, floor: float, leaves: float) -> float:
+    """What a fit leaves at most, squared, that explains all but a share of what is left above a noise floor."""
+    return AT_FLOOR**2 * floor + leaves * max(left - floor, 0.0)
 
 
 def _inertia(plant: Plant) -> float:

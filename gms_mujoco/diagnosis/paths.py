@@ -48,7 +48,8 @@ def searched(
         report: called with a share in 0..1 and a message.
         instead_of: one that has ended, in whose place this one has to leave much less; no other way is gone where the
             first does not.
-        halt: asked of the first plant, and after each look for an effect; True where it is not to go on.
+        halt: asked of the first plant, of one with another law, and after each look for an effect; True where it is
+            not to go on.
     """
     friction = FrictionLaw(search, free)
     if not search.steps:
@@ -83,6 +84,8 @@ def _to_its_end(
         law = friction.better()
         if law is not None and law.clear:
             friction.take(law)
+            if halt is not None and halt(search):
+                return True
             continue
         had_room, before = friction.has_room, list(search.steps)
         in_part = part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)
