@@ -1,7 +1,7 @@
 """Effort: how much was computed, counted alike on every machine and by any number of threads.
 
-What fits and searches take their time for are elements of effects that are followed from one instant to the next: their
-number is the work that was done, to within a quarter or so of the time that it took.
+What fits and searches take their time for are effects that are followed from one instant to the next: their elements,
+and what there is to do beside them, are the work that was done, to within a half or so of the time that it took.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class Effort:
     """Work that was done since it is counted.
 
     Attributes:
-        spent: elements followed, times instants.
+        spent: elements followed, times instants; what is no element counts as so many that take as long.
     """
 
     def __init__(self, around: Effort | None = None) -> None:
@@ -46,7 +46,7 @@ def counted() -> Iterator[Effort]:
 
 
 def add(work: int) -> None:
-    """Says that so many elements were followed, times instants."""
+    """Says that so much work was done."""
     effort = _current.get()
     if effort is not None:
         effort.add(work)

@@ -20,12 +20,22 @@ def test_nothing_is_counted_outside_and_all_is_inside_also_by_what_is_around(mon
     assert inner.spent == 1000 and outer.spent == 1005
 
 
-def test_a_replay_counts_its_elements_and_instants() -> None:
-    plant = gms.Plant.axis(0.01) + gms.effects.GMS(4) + gms.effects.Viscous(coefficient=0.1)
-    time = 1e-3 * np.arange(50)
+def _spent(law: gms.Effect, instants: int) -> int:
+    time = 1e-3 * np.arange(instants)
     with effort.counted() as spent:
-        plant.joint().replay(time, np.sin(time), np.cos(time))
-    assert spent.spent == 50 * sum(plant.joint().counts)
+        (gms.Plant.axis(0.01) + law + gms.effects.Viscous(coefficient=0.1)).joint().replay(time, np.sin(time), np.cos(time))
+    return spent.spent
+
+
+def test_a_replay_counts_its_elements_and_instants() -> None:
+    few, many = (gms.effects.GMS(n, stiffness=1.0, coulomb=1.0, static=1.0, stribeck_velocity=1.0, attraction=1.0) for n in (4, 9))
+    assert _spent(few, 100) == 2 * _spent(few, 50)
+    assert _spent(many, 50) - _spent(few, 50) == 50 * 5
+
+
+def test_a_law_without_elements_is_more_work_than_a_drag() -> None:
+    dahl = gms.effects.Dahl(stiffness=1.0, coulomb=1.0)
+    assert _spent(dahl, 50) > 1.5 * _spent(gms.effects.QuadraticDrag(coefficient=1.0), 50)
 
 
 def test_a_fit_counts_alike_at_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:

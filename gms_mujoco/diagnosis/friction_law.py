@@ -56,6 +56,7 @@ _TRIED_WITH = {"stribeck": {"creep_velocity": math.nan}}
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
+_NEARLY_ALL = 0.9  # of the squared error above the floor, that no effect takes in the place of another law
 _DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
 
 
@@ -65,7 +66,8 @@ class Trial:
 
     Attributes:
         law: as it stands before a fit.
-        clear: at the noise floor and worth it by all that an effect is judged by: nothing else need be tried.
+        clear: worth it by all that an effect is judged by, and at the noise floor, or with so little left of what is
+            above it that no effect looks as much like friction: nothing else need be tried.
     """
 
     law: Effect
@@ -143,7 +145,9 @@ class FrictionLaw:
             fewer = result.misfit.coordinates.size < now.misfit.coordinates.size
             no_more = left_of(result.misfit, result.vector) <= least and held_out.total <= search.held_out.total
             if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
-                earned.append(Trial(law, result, held_out, p, bool(worth and at_floor)))
+                floor = min(floor_of(now), floor_of(result))
+                explains = takes(search.held_out.total, held_out.total, floor, _NEARLY_ALL)
+                earned.append(Trial(law, result, held_out, p, bool(worth and (at_floor or explains))))
         return min(earned, key=lambda t: t.held_out.total, default=None)
 
     def instead(self, steps: list[Step]) -> Trial | None:

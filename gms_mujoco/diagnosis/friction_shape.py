@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 # Parameters of a law that no fit frees unasked.
 _OF_SPEED, OF_REVERSALS = "stribeck_exponent", "exponent"  # of the curve over speed; over the way after a reversal
 _EXPONENTS = (_OF_SPEED, OF_REVERSALS)
+_TAIL = "stribeck_tail"
 _EXPONENTIAL, _GAUSSIAN = 1.0, 2.0  # exponents of the usual Stribeck curves
-_SHAPE = (*_EXPONENTS, "slips_back", "damping_velocity", "elastic", "plastic")
+_SHAPE = (*_EXPONENTS, _TAIL, "slips_back", "damping_velocity", "elastic", "plastic")
 _SIGNIFICANT = 0.05  # p value of what another shape of the law takes
 _NEARLY_NOISE = 1.15  # times the noise floor: where a fit leaves more, another exponent or reading is looked for
 BENDS = 0.6  # of the level of sliding, below which a bristle only bends, to begin with
@@ -50,14 +51,21 @@ _PARTED = 0.1  # of the squared error that is not noise, for which friction gets
 
 def of_the_other_kind(law: Effect, usual: float = 0.0) -> Effect:
     """A law with a Gaussian curve; of a Gaussian one with an exponential, whatever speed is `usual`."""
-    return law.replace(**{_OF_SPEED: _EXPONENTIAL if law.values[_OF_SPEED] == _GAUSSIAN else _GAUSSIAN})
+    exponential = law.values[_TAIL] or law.values[_OF_SPEED] == _GAUSSIAN
+    return law.replace(**{_OF_SPEED: _EXPONENTIAL if exponential else _GAUSSIAN, _TAIL: 0.0})
+
+
+def with_tail(law: Effect, usual: float = 0.0) -> Effect:
+    """A law with the curve of Hess and Soom, whatever speed is `usual`."""
+    return law.replace(**{_OF_SPEED: _GAUSSIAN, _TAIL: 1.0})
 
 
 # Curves from which one of another exponent is looked for, of a law and the rms velocity: its own; the other of the two
-# usual ones; those whose velocities lie between those of `starts`.
+# usual ones, and that with a tail; those whose velocities lie between those of `starts`.
 _CURVES: tuple[Callable[[Effect, float], Effect], ...] = (
     lambda law, usual: law,
     of_the_other_kind,
+    with_tail,
     lambda law, usual: weakened(law, 0.1 * usual),
     lambda law, usual: weakened(law, usual),
 )
@@ -70,7 +78,8 @@ def other_curve(
     part of what is left.
 
     It is looked for from the present curve first, then near the noise floor from a Gaussian one (of that from an
-    exponential one) and from Stribeck curves of other velocities, between which and that a fit may find no way. What
+    exponential one), from one with a tail, and from Stribeck curves of other velocities, between which and that a fit
+    may find no way. What
     friction does at steady speed need not ask for it: the curve is that of every reversal too.
 
     Args:
@@ -82,7 +91,7 @@ def other_curve(
         for begun in _CURVES if exponent == _OF_SPEED else _CURVES[:1]:
             if at_floor(now, left, _NEARLY_NOISE):
                 break
-            if begun is of_the_other_kind and not at_floor(now, left, CLOSE_TO_FLOOR):
+            if begun in (of_the_other_kind, with_tail) and not at_floor(now, left, CLOSE_TO_FLOOR):
                 continue
             if bent := _bent(now, begun(now.plant[name], usual), exponent):
                 now, left = _better(now, left, without_idle(fit_to_end(*bent)), LEAST_SHARE)
@@ -90,19 +99,20 @@ def other_curve(
 
 
 def other_kind(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
-    """A fit with the other of the two usual curves of friction over speed, where that takes a good part of what is
-    left; else the same.
+    """A fit with another of the usual curves of friction over speed, where that takes a good part of what is left; else
+    the same.
 
     At the noise floor `other_curve` looks for none: what a wrong curve leaves there tells no effect, but is in all that
-    is said of friction. Either has as many unknowns.
+    is said of friction. Each has as many unknowns.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
     for law in (e for e in now.plant.effects if e.values.get(_OF_SPEED) in (_EXPONENTIAL, _GAUSSIAN)):
-        misfit, x = now.misfit.onto(now.plant.replace(of_the_other_kind(law)), now.vector)
-        if (near := _nudged(now, misfit, x)) is not None:
-            now, left = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
+        for other in (of_the_other_kind(law), with_tail(law)):
+            misfit, x = now.misfit.onto(now.plant.replace(other), now.vector)
+            if (near := _nudged(now, misfit, x)) is not None:
+                now, left = _better(now, left, fit_to_end(misfit, near), LEAST_SHARE)
     return now, left
 
 

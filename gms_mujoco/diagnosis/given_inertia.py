@@ -19,7 +19,7 @@ from .search import Search
 
 _OF_USE = 4.0  # times what counts: a fit that leaves more after a few steps will not come down to it
 _LEFT_OVER = 0.1  # of the squared error above the floor, that an inertia leaves which explains nearly all of it
-_HARDLY = 0.02  # the same of one that is not clearly another: no effect looks as much like a little inertia
+_HARDLY = 0.05  # the same of one that is not clearly another: no effect looks as much like a little inertia
 _CLEARLY = 0.1  # relative difference of two inertias, of which one is wrong
 _ALIKE = 0.02  # of two that are the same
 
@@ -37,10 +37,12 @@ def contradicts(search: Search) -> bool:
     So does a load that was found, where without it an axis that is as much lighter leaves hardly more.
     """
     last = search.steps[-1].result
-    if not last.plant.inertia_known or search.fits.simulated or search.at_floor:
+    if not last.plant.inertia_known or search.fits.simulated:
         return False
     if any(_is_only_lighter(last, e) for e in last.plant.effects if e.hidden_inertia):
         return True
+    if search.at_floor:
+        return False
     left, floor = left_of(last.misfit, last.vector), floor_of(last)
     of_use = _OF_USE * _explained(left, floor, _LEFT_OVER)
     undetermined = max(last.misfit.cost(last.vector) - left, 0.0)

@@ -10,7 +10,7 @@ from ..identification.misfit import Misfit
 
 _SHORT = 3_000  # replays of the first plant, after which a search follows what it sees alone
 _AT_END = 6_000  # after which it looks for nothing more
-_LEAST = 800_000  # elements followed, times instants, of a replay: as of ten records of 6 s at 1 kHz
+_LEAST = 1_150_000  # of effort, of a replay: as of ten records of 6 s at 1 kHz
 
 
 class Patience:

@@ -7,7 +7,7 @@ using gms::Level;
 using gms::Motion;
 
 enum { kForce = 0, kSlip = 1 };  // state of element i: force at 2 i, slip direction at 2 i + 1 (0: sticks)
-enum { kCurve = 5, kSlipsBack = kCurve };  // parameters, behind those of the elements
+enum { kCurve = 5, kSlipsBack = kCurve, kTail };  // parameters, behind those of the elements
 
 int n_state(int n) { return 2 * n; }
 int n_memory(int n) { return n; }
@@ -32,10 +32,10 @@ double keep(int n, const double* state, double* next) {
 }
 
 // The Stribeck curve and what is left of a difference to it, at the mean velocity of the interval.
-inline double curve_of(const double* c, const Motion& m, double exponent) {
-  return gms::stribeck_level(m, c[0], c[1], c[2], exponent);
+inline double curve_of(const double* c, const Motion& m, double exponent, double tail) {
+  return gms::stribeck_level(m, c[0], c[1], c[2], exponent, tail);
 }
-inline double curve_of(const double* c, const Motion& m) { return curve_of(c, m, c[3]); }
+inline double curve_of(const double* c, const Motion& m) { return curve_of(c, m, c[3], c[kTail]); }
 inline double left_of(const double* c, const Motion& m, double level) {
   return level > 0 ? gms::decay(c[4] * m.duration / level) : 0;
 }
@@ -220,7 +220,8 @@ void alternatives(const double* const* p, int n, int count, const Motion& m, con
   for (int j = 0; j < count; j++) {
     way[j] = way_of(p[j], n, m, level[j]);
     known[j] = j > 0 && level[j].at(m.displacement) == level[j - 1].at(m.displacement);
-    for (int i = 2 * n; known[j] && i < 2 * n + kCurve; i++) known[j] = p[j][i] == p[j - 1][i];
+    for (int i = 0; known[j] && i < kCurve; i++) known[j] = p[j][2 * n + i] == p[j - 1][2 * n + i];
+    known[j] = known[j] && p[j][2 * n + kTail] == p[j - 1][2 * n + kTail];
   }
   double curve[gms::kTogether], left[gms::kTogether];
   for (int j = 0; j < count; j++) curve[j] = known[j] ? curve[j - 1] : curve_of(p[j] + 2 * n, m);
@@ -236,7 +237,7 @@ inline long long slides(const Way& x, double stiffness, double fraction, double 
   return (stuck > fraction * most) | (stuck < fraction * least) | (slip == x.direction) | turns;
 }
 
-// kUsual: four elements, an exponent of 1, nothing that modulates friction: without a loop or a call.
+// kUsual: four elements, an exponential curve, nothing that modulates friction: without a loop or a call.
 template <bool kUsual>
 inline double torque_of(const double* p, int any, const Motion& m, const Level& given, const double* state, double* next) {
   const int n = kUsual ? kBlock : any;
@@ -249,8 +250,9 @@ inline double torque_of(const double* p, int any, const Motion& m, const Level& 
     slide |= slides(way, p[i], p[n + i], most, least, state[2 * i + kForce], state[2 * i + kSlip]);
   }
   if (slide) {
-    const double curve = curve_of(p + 2 * n, m, kUsual ? 1 : p[2 * n + 3]);
-    way.follow(curve, left_of(p + 2 * n, m, curve * way.along));
+    const double* c = p + 2 * n;
+    const double curve = kUsual ? curve_of(c, m, 1, 0) : curve_of(c, m);
+    way.follow(curve, left_of(c, m, curve * way.along));
   } else {
     way.hold();
   }
@@ -267,7 +269,7 @@ double usual(const double* p, int n, const Motion& m, const Level& level, const 
 
 gms::Law* plain(const double* p, int n) {
   const double* c = p + 2 * n;
-  return n == kBlock && c[3] == 1 && !(c[kSlipsBack] > 0) ? usual : torque;
+  return n == kBlock && c[3] == 1 && !(c[kTail] > 0) && !(c[kSlipsBack] > 0) ? usual : torque;
 }
 
 void elements(const double* state, int n, double* torque) {
@@ -287,8 +289,10 @@ const gms::Effect gms_effect_gms = {
     "joint speeds up, what an element that unwinds has beyond it relaxes at the rate C too. By the letter of the law it\n"
     "slips back there, which `slips_back` asks for: so others simulate it, but it can then give more energy than it has\n"
     "stored, and the time step and noise decide whether it does.\n"
+    "With a tail t > 0 (1 + t |v/Vs|^delta)^(-1/t) stands for the exponential: of t = 1 and delta = 2, 1/(1 + (v/Vs)^2).\n"
     "The slip equation is integrated exactly over each interval, with s taken at its mean velocity.\n"
-    "Sources: Lampaert, Al-Bender and Swevers, ICPA 2003; Yoon and Trumper, Mechatronics 24 (2014).",
+    "Sources: Lampaert, Al-Bender and Swevers, ICPA 2003; Yoon and Trumper, Mechatronics 24 (2014); for t, Hess and Soom,\n"
+    "ASME J. Tribology 112 (1990).",
     "The torque error draws loops against position just after each reversal, and steps with the sign of velocity.",
     "Reversals at several amplitudes below and above the break-away distance, and slow constant-velocity runs.",
     {{"stiffness", "N m/rad", gms::kUnset, 0, gms::kInfinity, true, true, "k_i, spring of each element"},
@@ -298,7 +302,8 @@ const gms::Effect gms_effect_gms = {
      {"stribeck_velocity", "rad/s", gms::kUnset, 1e-12, gms::kInfinity, false, true, "Vs, velocity at which the level has weakened"},
      {"stribeck_exponent", "1", 1.0, 0.1, 10, false, false, "delta, shape of the weakening"},
      {"attraction", "N m/s", gms::kUnset, 0, gms::kInfinity, false, true, "C, rate at which a slipping element follows s(v)"},
-     {"slips_back", "1", 0.0, 0, 1, false, false, "1: what unwinds slips back where a falling level overtakes it"}},
+     {"slips_back", "1", 0.0, 0, 1, false, false, "1: what unwinds slips back where a falling level overtakes it"},
+     gms::kStribeckTail},
     n_state,
     n_memory,
     recall,

@@ -12,7 +12,7 @@ void recall(const double* p, int, const double* unknown, double* state) {
 }
 
 double level_at(const double* p, double v, double direction, const gms::Level& level) {
-  return gms::stribeck_level(v, p[2], p[3], p[4], p[5]) * level.at(direction);
+  return gms::stribeck_level(v, p[2], p[3], p[4], p[5], p[9]) * level.at(direction);
 }
 
 // The pull along the motion below which the bristle only bends.
@@ -87,7 +87,7 @@ double cut_off(const double* p, const gms::Motion& m, const gms::Level& level, c
   double w = state[kPull];
   if (direction != 0) {
     const double k = p[0] * level.stiffness_at(direction);
-    const double s = gms::stribeck_level(m, p[2], p[3], p[4], p[5]) * level.at(direction);
+    const double s = gms::stribeck_level(m, p[2], p[3], p[4], p[5], p[9]) * level.at(direction);
     // While both together pull as hard as the level lets them, the spring goes towards that as its damper lets it.
     const double left = damping > 0 ? gms::decay(k * m.duration / damping) : 0;
     const double most = s - (s - w) * left, least = -s + (w + s) * left;
@@ -106,7 +106,7 @@ double torque(const double* p, int, const gms::Motion& m, const gms::Level& leve
   double w = state[kPull], along = state[kLevel];
   if (direction != 0) {  // exact over the interval, with the curve at its mean velocity and a multiplier that goes evenly
     const double now = level.at(direction), from = before > 0 ? before : now;
-    const double curve = gms::stribeck_level(m, p[2], p[3], p[4], p[5]), k = p[0] * level.stiffness_at(direction);
+    const double curve = gms::stribeck_level(m, p[2], p[3], p[4], p[5], p[9]), k = p[0] * level.stiffness_at(direction);
     const double edge = edge_at(p, direction, level), way = std::fabs(m.displacement);
     w = direction * pulled(edge, k, direction * w, way, from * curve, now * curve);
     along = direction * now;
@@ -139,10 +139,12 @@ const gms::Effect gms_effect_lugre = {
     "above s: it neither creeps below e Fc nor gives way as it unbends. Integrated to 3e-5 of s, which stays as above.\n"
     "With `plastic` it is a spring with a damper beside it, cut off at the level: F = clip(sigma0 z + sigma1 v, +-s(v)),\n"
     "and while it slides, its spring goes to s(v) as the damper lets it. It neither creeps nor gives way below its level.\n"
+    "With a tail t > 0 (1 + t |v/Vs|^delta)^(-1/t) stands for the exponential: of t = 1 and delta = 2, 1/(1 + (v/Vs)^2).\n"
     "Source: Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40 (1995); for Vd, Olsson,\n"
     "Astrom, Canudas de Wit, Gafvert and Lischinsky, European Journal of Control 4 (1998);\n"
     "for e, Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control 47 (2002);\n"
-    "for `plastic`, Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto, IEEE Trans. Robotics 22 (2006).",
+    "for `plastic`, Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto, IEEE Trans. Robotics 22 (2006);\n"
+    "for t, Hess and Soom, ASME J. Tribology 112 (1990).",
     "The torque error draws loops against position after each reversal, and steps with the sign of velocity.",
     "Reversals at amplitudes around the break-away distance, and slow constant-velocity runs.",
     {{"stiffness", "N m/rad", gms::kUnset, 0, gms::kInfinity, false, true, "sigma0, of the bristle"},
@@ -153,7 +155,8 @@ const gms::Effect gms_effect_lugre = {
      {"stribeck_exponent", "1", 2.0, 0.1, 10, false, false, "delta, shape of the weakening"},
      {"damping_velocity", "rad/s", 0, 0, gms::kInfinity, false, true, "Vd, velocity at which the damping is gone; 0: it stays"},
      {"elastic", "1", 0, 0, 0.95, false, false, "e, share of Fc below which the bristle only bends; 0: none"},
-     {"plastic", "1", 0, 0, 1, false, false, "1: a damped spring, cut off at the level, whatever e"}},
+     {"plastic", "1", 0, 0, 1, false, false, "1: a damped spring, cut off at the level, whatever e"},
+     gms::kStribeckTail},
     n_state,
     n_memory,
     recall,

@@ -150,9 +150,11 @@ struct Effect {
 // element, else one. `n_state` and `n_memory` are null where there is none.
 
 #ifndef GMS_MUJOCO_KERNEL
-// For the table of what multiplies friction by a factor, see `Level::scale`.
+// For the tables of what has a Stribeck curve, see `weakened`, and of what multiplies friction, see `Level::scale`.
 constexpr Parameter kWholeTorque{
     "whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"};
+constexpr Parameter kStribeckTail{
+    "stribeck_tail", "1", 0, 0, 2, false, false, "t, how slowly the weakening ends; 0: as an exponential"};
 constexpr Parameter kWithDrag{"drag", "1", 1, 0, 1, false, false, "d, 1: with w = 1 drag is, too; 0: dry friction alone"};
 
 extern const Effect* const kCatalogue[];
@@ -212,22 +214,24 @@ GMS_MERGED double decay(double x) {
 GMS_SELDOM inline double power(double x, double exponent) { return std::pow(x, exponent); }
 
 // Velocity-weakening part of the Stribeck curve, s(v) = Fc + (Fs - Fc) exp(-|v/Vs|^delta) (Yoon and Trumper
-// 2014, equation 1, without its viscous term), at v / Vs.
-inline double weakened(double x, double coulomb, double static_level, double delta) {
+// 2014, equation 1, without its viscous term), at v / Vs; with a tail t > 0 (1 + t |v/Vs|^delta)^(-1/t) stands for the
+// exponential, which it comes to as t does to 0, and of t = 1 and delta = 2 it is Hess and Soom's curve.
+inline double weakened(double x, double coulomb, double static_level, double delta, double tail) {
   const double size = std::fabs(x), y = delta == 1 ? size : delta == 2 ? x * x : power(size, delta);
-  return coulomb + (static_level - coulomb) * decay(y);
+  const double left = !(tail > 0) ? decay(y) : tail == 1 ? 1 / (1 + y) : power(1 + tail * y, -1 / tail);
+  return coulomb + (static_level - coulomb) * left;
 }
 
-inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta) {
-  return static_level == coulomb ? coulomb : weakened(v / vs, coulomb, static_level, delta);
+inline double stribeck_level(double v, double coulomb, double static_level, double vs, double delta, double tail) {
+  return static_level == coulomb ? coulomb : weakened(v / vs, coulomb, static_level, delta, tail);
 }
 
-// At the mean velocity of an interval, with one division for both.
-inline double stribeck_level(const Motion& m, double coulomb, double static_level, double vs, double delta) {
+// The same at the mean velocity of an interval, with one division for both.
+inline double stribeck_level(const Motion& m, double coulomb, double static_level, double vs, double delta, double tail) {
   if (static_level == coulomb) return coulomb;
   const bool lasts = m.duration > 0;
   const double x = (lasts ? m.displacement : m.velocity) / (lasts ? m.duration * vs : vs);
-  return weakened(x, coulomb, static_level, delta);
+  return weakened(x, coulomb, static_level, delta, tail);
 }
 
 }  // namespace gms

@@ -16,6 +16,8 @@ from .shared_library import BY_NAME, address, library
 Array = NDArray[np.float64]
 
 _MOST_INSTANTS = 24  # per sample
+_AT_ANY_INSTANT = 4  # elements of friction that take as long as what is done at an instant whatever acts on a joint
+_WITHOUT_ELEMENTS = 7  # the same of a law of friction that has a state and no elements
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,10 @@ class Joint:
                 raise ModelError(f"{name} with {n} elements needs more state than the {most} numbers of a joint")
         self.n_state: int = library.gms_joint_n_state(self.handle)
         self.n_memory: int = library.gms_joint_n_memory(self.handle)
-        self.n_elements = sum(self.counts)
+        # Of one instant, in elements; laws of friction without any have more to do.
+        laws = [d for d in map(BY_NAME.__getitem__, self.names) if d.kind == "friction" and not d.modulates]
+        without = sum(d.has_state and not d.separable for d in laws)
+        self.work = _AT_ANY_INSTANT + sum(self.counts) + _WITHOUT_ELEMENTS * without
 
     def __del__(self) -> None:
         if getattr(self, "handle", None) and library is not None:
@@ -108,7 +113,7 @@ class Joint:
             ModelError: an array of another length.
         """
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
-        effort.add(n * self.n_elements)
+        effort.add(n * self.work)
         torque = np.empty(n)
         shares = np.empty((n, self.n_effects)) if parts else None
         history = np.empty((n, self.n_state)) if states else None
@@ -148,7 +153,7 @@ class Joint:
             (n, elements) [N m].
         """
         n, inputs = self._motion(time, position, velocity, load, temperature, memory)
-        effort.add(n * self.n_elements)
+        effort.add(n * self.work)
         torque = np.empty((n, self.counts[effect]))
         library.gms_joint_elements(self.handle, effect, n, *map(address, inputs), address(torque))
         return torque
@@ -171,7 +176,7 @@ class Joint:
         shape = inputs[1].shape
         torque = np.empty(shape if effect is None else (shape[0], self.counts[effect], shape[1]))
         use = -1 if effect is None else effect
-        effort.add(inputs[1].size * self.n_elements)
+        effort.add(inputs[1].size * self.work)
         library.gms_joint_cycle(self.handle, use, at_hand(), *shape, *map(address, inputs), address(torque))
         return torque
 
@@ -208,7 +213,7 @@ class Joint:
         count = library.gms_joint_mean(
             self.handle, n, *map(address, inputs), tolerance, address(torque), address(instants), len(instants)
         )
-        effort.add(count * self.n_elements)
+        effort.add(count * self.work)
         return torque, instants[:count].copy()
 
     def simulate(
@@ -270,7 +275,7 @@ class Joint:
         n = len(torque)
         q, v, friction = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
         history = np.full((n, self.n_state), np.nan) if states else None
-        effort.add(n * substeps * self.n_elements)
+        effort.add(n * substeps * self.work)
         q[:1], v[:1] = position, velocity
         library.gms_joint_simulate(
             self.handle,
@@ -332,7 +337,7 @@ class Joint:
         numbers, *inputs = [np.ascontiguousarray(a, float) for a in (loop, time, goal, powered)]
         n = int((time[-1] - time[0]) / step) + 2
         q, v = np.full(n, np.nan), np.full(n, np.nan)
-        effort.add(n * self.n_elements)
+        effort.add(n * self.work)
         q[:1], v[:1] = position, velocity
         library.gms_servo_simulate(
             self.handle, n, step, inertia, rotor, weight, address(numbers), delay, len(inputs[0]),

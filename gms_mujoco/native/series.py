@@ -95,7 +95,7 @@ def changes(
         (apart * elements + j - 1 - apart, count) [N m].
     """
     here = joints[0]
-    effort.add((len(joints) - 1) * len(time) * here.n_elements)  # however many calls they are shared out to
+    effort.add((len(joints) - 1) * len(time) * here.work)  # however many calls they are shared out to
     out = np.empty((apart * here.counts[effect] + len(joints) - 1 - apart if apart else len(joints) - 1, band.count))
     motion = [None if a is None else a.ctypes.data for a in (time, position, velocity, load, temperature)]
     instants, asked = (None if a is None else a.ctypes.data for a in (band.instants, band.asked))
