@@ -223,6 +223,7 @@ def _searched(
     load_said = ""
     if grows_with_drive(search):
         carried = by_drive(seen), by_drive(select)
+        patience.grant()
         other = Search(*carried, start, without, patience=patience)
         instead = searched(other, free_law, part(report, 0.9, 0.9), search)
         if load_said := grown(search, other):

@@ -21,14 +21,15 @@ def test_nothing_is_counted_outside_and_all_is_inside_also_by_what_is_around(mon
 
 
 def _spent(law: gms.Effect, instants: int) -> int:
-    time = 1e-3 * np.arange(instants)
+    time, joint = 1e-3 * np.arange(instants), (gms.Plant.axis(0.01) + law).joint()
     with effort.counted() as spent:
-        (gms.Plant.axis(0.01) + law + gms.effects.Viscous(coefficient=0.1)).joint().replay(time, np.sin(time), np.cos(time))
+        joint.replay(time, np.sin(time), np.cos(time))
     return spent.spent
 
 
 def test_a_replay_counts_its_elements_and_instants() -> None:
-    few, many = (gms.effects.GMS(n, stiffness=1.0, coulomb=1.0, static=1.0, stribeck_velocity=1.0, attraction=1.0) for n in (4, 9))
+    level = {"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 1.0, "attraction": 1.0}
+    few, many = (gms.effects.GMS(stiffness=np.ones(n), fraction=np.full(n, 1 / n), **level) for n in (4, 9))
     assert _spent(few, 100) == 2 * _spent(few, 50)
     assert _spent(many, 50) - _spent(few, 50) == 50 * 5
 

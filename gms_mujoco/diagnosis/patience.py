@@ -32,6 +32,7 @@ class Patience:
     def __init__(self, effort: float = math.inf, spent: Effort | None = None) -> None:
         self._effort, self._spent = effort, spent or Effort()
         self._replay = math.inf  # what the first plant takes along all records, in the unit of effort
+        self._granted = 0
         self.cut = False
 
     def begin(self, first: FitResult) -> None:
@@ -41,6 +42,10 @@ class Patience:
         with counted() as once:
             Misfit(first.plant, first.misfit.observations).cost(first.vector)
         self._replay = max(once.spent, _LEAST)
+
+    def grant(self) -> None:
+        """Lets a search that promises much, and begins late, go as far as one may that begins at once."""
+        self._granted += _SHORT
 
     @property
     def is_short(self) -> bool:
@@ -63,6 +68,6 @@ class Patience:
         )
 
     def _beyond(self, replays: float) -> bool:
-        over = self._spent.spent > self._effort * replays * self._replay
+        over = self._spent.spent > self._effort * (replays + self._granted) * self._replay
         self.cut |= over
         return over

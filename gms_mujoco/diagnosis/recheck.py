@@ -192,7 +192,8 @@ def drop_false(search: Search) -> bool:
     dropped = False
     while len(search.steps) > 1:
         judged = [(k, *_against(search, k)) for k in range(len(search.steps) - 1, 0, -1)]
-        idle = [j for j in judged if j[3] > FALSE_DISCOVERY_RATE]
+        # First what has come out as none of its kind, as a spring that is all preload beside an offset.
+        idle = sorted((j for j in judged if j[3] > FALSE_DISCOVERY_RATE), key=lambda j: j[3] < 1)
         k, left, held_out, _, most = idle[0] if idle else max(judged, key=lambda j: j[4])
         if not idle and most <= MOST_SCATTER:
             break

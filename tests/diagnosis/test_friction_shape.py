@@ -76,6 +76,18 @@ def test_a_gaussian_curve_is_found_where_no_step_from_an_exponential_one_leads_t
     assert found.error < 0.15 * before.error
 
 
+def test_a_curve_with_a_tail_is_found_from_an_exponential_one() -> None:
+    law = GMS.replace(static=2 * LEVEL, stribeck_velocity=0.5)
+    true = HEALTHY.replace(law.replace(stribeck_exponent=2.0, stribeck_tail=1.0))
+    misfit = Misfit(HEALTHY.replace(law), observe(runs(true, seconds=6.0, seed=2, torque_noise=2e-6), J))
+    before = refine(misfit, misfit.vector(true))
+    found, left = other_curve(before, cross_validated(before.misfit, before.vector))
+    assert found.plant["gms"].stribeck_tail == 1.0
+    assert found.plant["gms"].stribeck_exponent == pytest.approx(2.0, abs=0.05)
+    assert found.plant["gms"].static == pytest.approx(2 * LEVEL, rel=0.02)
+    assert found.error < 0.3 * before.error and other_kind(found, left)[0] is found
+
+
 @pytest.mark.parametrize("exponent", [0.5, 1.8])
 def test_the_exponent_by_which_a_law_turns_round_is_found_from_the_usual_one(exponent: float) -> None:
     bare = Plant.axis(J) + effects.Viscous(coefficient=2e-5)

@@ -22,6 +22,7 @@ from gms_mujoco.fit_result import result_of
 from gms_mujoco.identification.linear_model import cross_validated
 from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import refine
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 
@@ -264,6 +265,20 @@ def test_an_offset_is_not_told_from_a_spring_only_where_that_leans(stiffness: fl
     exchange(search)
     assert [s.effect for s in search.steps] == [None, "torque_offset"]
     assert search.steps[1].confusable_with == (("spring",) if told else ())
+
+
+def test_a_spring_that_is_all_preload_goes_before_the_offset_that_it_has() -> None:
+    """Beside each other both do nothing; without the offset first, none is left of what both were."""
+    offset, drag = effects.TorqueOffset(torque=0.15 * LEVEL), HIDDEN["quadratic_drag"]
+    search = Search(observe(dataset(HEALTHY + drag + offset).fit, HEALTHY.inertia), [], UNKNOWN)
+    fit_steps(search, drag, effects.Spring(stiffness=1e-6, preload=0.1 * LEVEL), offset)
+    last = search.steps[-1]
+    rigid = last.result.plant.replace(effects.Spring(stiffness=0.0, preload=0.0))
+    misfit, x = last.result.misfit.onto(rigid, last.result.vector)
+    end = refine(misfit, x)
+    search.steps[-1] = replace(last, result=end, held_out=cross_validated(misfit, end.vector))
+    assert search.at_floor and drop_false(search)
+    assert [s.effect for s in search.steps] == [None, "quadratic_drag", "torque_offset"] and search.at_floor
 
 
 def test_an_effect_that_does_nothing_does_not_carry_what_was_gained_beside_it() -> None:
