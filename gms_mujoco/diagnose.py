@@ -23,6 +23,7 @@ from .diagnosis.given_setup import corrected_setup
 from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
 from .diagnosis.patience import Patience
+from .diagnosis.plays import play_of
 from .diagnosis.recheck import drop_last, join_laws
 from .diagnosis.search import Search
 from .diagnosis.steps import Step
@@ -256,7 +257,8 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
             result, held_out = other_kind(kept.result, kept.held_out)
             search.steps[-1] = kept = replace(kept, result=result, held_out=held_out)
         free_to_bend = gone_on(with_exponents(kept.result, start))
-        if has_moments(kept.result, kept.held_out):
+        # Where a load knocks is no moment that bends its contact, but what tells it.
+        if play_of(kept.result.plant) is None and has_moments(kept.result, kept.held_out):
             return unbent(free_to_bend)
         last = finished(without_vanished(with_many_elements(free_to_bend)))
         if not drop_last(search, last):

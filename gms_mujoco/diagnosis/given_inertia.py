@@ -22,6 +22,7 @@ _LEFT_OVER = 0.1  # of the squared error above the floor, that an inertia leaves
 _HARDLY = 0.05  # the same of one that is not clearly another: no effect looks as much like a little inertia
 _CLEARLY = 0.1  # relative difference of two inertias, of which one is wrong
 _ALIKE = 0.02  # of two that are the same
+_SAME = 5e-4  # of two that no figure tells apart
 
 
 def free(plant: Plant) -> Plant:
@@ -153,6 +154,11 @@ def corrected(search: Search, other: Search) -> str:
         return ""
     (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
     told, more = before.score.told, len(search.steps) - len(other.steps)
+    if _is_alike(found, given, _SAME):
+        return (
+            f"The given inertia of {given:.4g} {unit} fits these records, but a search that was free to change it has "
+            f"found a way to less: with that the {after.score.name} is {told(after.error)}, else {told(before.error)}"
+        )
     beside = f" with {more} effect{'s' * (more > 1)} more that would stand for the difference" if fewer else ""
     return (
         f"The given inertia of {given:.4g} {unit} does not fit these records, which ask for {found:.4g} {unit}, or for "
