@@ -79,8 +79,7 @@ def other_curve(
 
     It is looked for from the present curve first, then near the noise floor from a Gaussian one (of that from an
     exponential one), from one with a tail, and from Stribeck curves of other velocities, between which and that a fit
-    may find no way. What
-    friction does at steady speed need not ask for it: the curve is that of every reversal too.
+    may find no way. What friction does at steady speed need not ask for it: the curve is that of every reversal too.
 
     Args:
         now, left: the fit, and what it leaves on held-out blocks.

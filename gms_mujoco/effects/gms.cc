@@ -237,7 +237,7 @@ inline long long slides(const Way& x, double stiffness, double fraction, double 
   return (stuck > fraction * most) | (stuck < fraction * least) | (slip == x.direction) | turns;
 }
 
-// kUsual: four elements, an exponential curve, nothing that modulates friction: without a loop or a call.
+// kUsual: four elements, a plain exponential curve, nothing that modulates friction: without a loop or a call.
 template <bool kUsual>
 inline double torque_of(const double* p, int any, const Motion& m, const Level& given, const double* state, double* next) {
   const int n = kUsual ? kBlock : any;
