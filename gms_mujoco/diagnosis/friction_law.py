@@ -57,6 +57,7 @@ _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 _NEARLY_ALL = 0.9  # of the squared error above the floor, that no effect takes in the place of another law
+_LITTLE = 0.05  # of the torque: beside a plant that has lost its way one that is astray leaves more, and much less
 _DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
 
 
@@ -66,8 +67,9 @@ class Trial:
 
     Attributes:
         law: as it stands before a fit.
-        clear: worth it by all that an effect is judged by, and at the noise floor, or with so little left of what is
-            above it that no effect looks as much like friction: nothing else need be tried.
+        clear: worth it by all that an effect is judged by, and at the noise floor, or with so little left, of the
+            torque and of what is above the floor, that no effect looks as much like friction: nothing else need be
+            tried.
     """
 
     law: Effect
@@ -146,7 +148,7 @@ class FrictionLaw:
             no_more = left_of(result.misfit, result.vector) <= least and held_out.total <= search.held_out.total
             if (earns or (strays and at_floor and fewer and no_more)) and search.selects(result):
                 floor = min(floor_of(now), floor_of(result))
-                explains = takes(search.held_out.total, held_out.total, floor, _NEARLY_ALL)
+                explains = takes(search.held_out.total, held_out.total, floor, _NEARLY_ALL) and result.error < _LITTLE
                 earned.append(Trial(law, result, held_out, p, bool(worth and (at_floor or explains))))
         return min(earned, key=lambda t: t.held_out.total, default=None)
 
