@@ -57,7 +57,7 @@ _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 _NEARLY_ALL = 0.9  # of the squared error above the floor, that no effect takes in the place of another law
-_LITTLE = 0.05  # of the torque: beside a plant that has lost its way one that is astray leaves more, and much less
+_LITTLE = 0.05  # of the torque, that friction which is told leaves: beside a fit that is lost any law takes nearly all
 _DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
 
 

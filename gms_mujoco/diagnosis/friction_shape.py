@@ -50,7 +50,8 @@ _PARTED = 0.1  # of the squared error that is not noise, for which friction gets
 
 
 def of_the_other_kind(law: Effect, usual: float = 0.0) -> Effect:
-    """A law with a Gaussian curve; of a Gaussian one with an exponential, whatever speed is `usual`."""
+    """A law with a Gaussian curve; of a Gaussian one, or one with a tail, with an exponential, whatever speed is
+    `usual`."""
     exponential = law.values[_TAIL] or law.values[_OF_SPEED] == _GAUSSIAN
     return law.replace(**{_OF_SPEED: _EXPONENTIAL if exponential else _GAUSSIAN, _TAIL: 0.0})
 

@@ -52,9 +52,10 @@ def contradicts(search: Search) -> bool:
     if left_of(misfit, x) > of_use:
         return False
     found = refine(misfit, x)
-    if _is_alike(_inertia(found.plant), _inertia(last.plant), _ALIKE):
+    other, given = _inertia(found.plant), _inertia(last.plant)
+    if _is_alike(other, given, _ALIKE):
         return False
-    leaves = _HARDLY if _is_alike(_inertia(found.plant), _inertia(last.plant), _CLEARLY) else _LEFT_OVER
+    leaves = _HARDLY if _is_alike(other, given, _CLEARLY) else _LEFT_OVER
     # An axis that is lighter makes less of the noise of its encoder, and its floor is lower: that counts.
     return left_of(found.misfit, found.vector) <= _explained(left, min(floor, floor_of(found)), leaves)
 
@@ -63,7 +64,7 @@ def _is_only_lighter(last: FitResult, load: Effect) -> bool:
     """Whether an axis without a load is as light as if its spring were too soft to move it, and leaves hardly more."""
     felt, enough = last.plant.driven_inertia, CLOSE * left_of(last.misfit, last.vector)
     misfit, x = without(last, load.name)
-    misfit, x = misfit.onto(replace(misfit.plant(x), inertia=felt, inertia_known=False), x)
+    misfit, x = misfit.onto(free(replace(misfit.plant(x), inertia=felt)), x)
     x = nudge(misfit, x, below=_OF_USE * enough)
     if left_of(misfit, x) > _OF_USE * enough:
         return False
@@ -143,16 +144,16 @@ def corrected(search: Search, other: Search) -> str:
     A torque that reads too little looks the same, as by a wrong torque constant.
     """
     before, after = search.steps[-1].result, other.steps[-1].result
+    (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
     # On a spring too soft to move it a load takes its inertia off the axis, and does nothing else.
     felt = before.plant.driven_inertia
-    lighter = felt < _inertia(before.plant) and _is_alike(_inertia(after.plant), felt, _ALIKE)
+    lighter = felt < given and _is_alike(found, felt, _ALIKE)
     left = [left_of(r.misfit, r.vector) for r in (before, after)]
     # Far from the floor neither has found the cause, and the effects of either say nothing of the inertia.
     fewer = other.at_floor or (lighter and left[1] <= CLOSE * left[0])
     fewer = fewer and len(other.steps) < len(search.steps) and (lighter or best([search, other]) == 1)
     if not ((fewer or leaves_much_less(before, after)) and search.selects(after)):
         return ""
-    (given, unit), (found, _) = (r.plant.numbers()["inertia"] for r in (before, after))
     told, more = before.score.told, len(search.steps) - len(other.steps)
     if _is_alike(found, given, _SAME):
         return (

@@ -33,9 +33,13 @@ class Way(NamedTuple):
     halted: bool = False
 
 
+def _never(search: Search) -> bool:
+    return False
+
+
 def searched(
     search: Search, free: bool, report: Progress, instead_of: Search | None = None,
-    halt: Callable[[Search], bool] | None = None,
+    halt: Callable[[Search], bool] = _never,
 ) -> Way:  # fmt: skip
     """Takes a search to its end, or to where it is to halt.
 
@@ -54,7 +58,7 @@ def searched(
     friction = FrictionLaw(search, free)
     if not search.steps:
         search.first(part(report, 0.0, 0.22, "baseline"))
-        if halt is not None and halt(search):
+        if halt(search):
             return Way(friction.said, halted=True)
     if _to_its_end(search, friction, part(report, 0.22, 0.82), halt=halt):
         return Way(friction.said, halted=True)
@@ -67,7 +71,7 @@ def searched(
 
 def _to_its_end(
     search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS,
-    before_it: Sequence[Search] = (), halt: Callable[[Search], bool] | None = None,
+    before_it: Sequence[Search] = (), halt: Callable[[Search], bool] = _never,
 ) -> bool:  # fmt: skip
     """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end, or one of those
     before it has been or is far ahead; whether it was to halt before."""
@@ -84,13 +88,13 @@ def _to_its_end(
         law = friction.better()
         if law is not None and law.clear:
             friction.take(law)
-            if halt is not None and halt(search):
+            if halt(search):
                 return True
             continue
         had_room, before = friction.has_room, list(search.steps)
         in_part = part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)
         added = len(search.steps) <= most and search.add_one(in_part, law.result if law else None)
-        if halt is not None and halt(search):
+        if halt(search):
             return True
         if added:
             if not had_room:  # an effect has shown that less can be left than noise was thought to leave

@@ -150,11 +150,12 @@ struct Effect {
 // element, else one. `n_state` and `n_memory` are null where there is none.
 
 #ifndef GMS_MUJOCO_KERNEL
-// For the tables of what has a Stribeck curve, see `weakened`, and of what multiplies friction, see `Level::scale`.
-constexpr Parameter kWholeTorque{
-    "whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"};
+// For the tables of what has a Stribeck curve, see `weakened`.
 constexpr Parameter kStribeckTail{
     "stribeck_tail", "1", 0, 0, 2, false, false, "t, how slowly the weakening ends; 0: as an exponential"};
+// For the table of what multiplies friction by a factor, see `Level::scale`.
+constexpr Parameter kWholeTorque{
+    "whole", "1", 0, 0, 1, false, false, "w, 1: the torque of friction as a whole is multiplied; 0: level and stiffness"};
 constexpr Parameter kWithDrag{"drag", "1", 1, 0, 1, false, false, "d, 1: with w = 1 drag is, too; 0: dry friction alone"};
 
 extern const Effect* const kCatalogue[];
