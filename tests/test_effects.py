@@ -273,6 +273,22 @@ def test_friction_that_is_multiplied_as_a_whole_is_what_it_would_be_times_the_fa
         assert np.allclose(apart.sum(1), torque, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", FRICTION)
+def test_dry_friction_may_differ_between_directions_as_a_whole(name, motion):
+    """By the sign of the motion, or of the torque itself; and so do the elements, but not drag."""
+    t, q, v = motion
+    law = example(name, 5)
+    alone = (Plant.axis() + law).joint()
+    plain, moved = alone.replay(t, q, v).torque, np.diff(q, prepend=q[0])
+    for whole, sign in ((1, np.sign(moved)), (2, -np.sign(plain))):
+        leaning = (Plant.axis() + law + effects.AsymmetricFriction(level=0.3, whole=whole)).joint()
+        factor = np.ones(len(t)) if name in ("viscous", "quadratic_drag") else 1 + 0.3 * sign
+        assert np.allclose(leaning.replay(t, q, v).torque, factor * plain, rtol=1e-13, atol=0)
+        if any(p.per_element for p in law.parameters):
+            apart = leaning.elements(0, t, q, v)
+            assert np.allclose(apart, factor[:, None] * alone.elements(0, t, q, v), rtol=1e-13, atol=0)
+
+
 @pytest.mark.parametrize("modulator", [
     effects.LoadDependentFriction(coefficient=0.7, whole=1, drag=0),
     effects.PositionDependentFriction(harmonics=[3], amplitude=[0.7], phase=[0.2], whole=1, drag=0),
@@ -307,16 +323,17 @@ def test_friction_begins_with_up_to_what_it_holds_there_in_that_direction(name, 
 @pytest.mark.parametrize(
     ("name", "elements"), [*itertools.product(NATIVE.args[1], [1, 4, 5]), ("gms", 40), ("gms", 200)]
 )
-@pytest.mark.parametrize("modulated", [None, "level", "stiffness", "whole"])
+@pytest.mark.parametrize("modulated", [None, "level", "stiffness", "whole", "by its sign"])
 def test_joints_with_the_same_friction_get_what_each_gets_alone(name, elements, modulated):
     """The plug-in takes joints together: to the last bit the replay of each, one effect alone or several, modulated by
-    levels that pass through zero, with or without the stiffness, or as a whole."""
+    levels that pass through zero, with or without the stiffness, or as a whole, by the place or by its own sign."""
     joints, plant = 18, Plant.axis() + unloaded(example(name, elements))
     if modulated is not None:
+        own_sign = 2 if modulated == "by its sign" else 0
         waves = {"harmonics": [1, 3], "amplitude": [0.9, 0.4], "phase": [0.3, 1.0]}
         scales = (
             effects.PositionDependentFriction(**waves, whole=int(modulated == "whole")),
-            effects.AsymmetricFriction(level=0.3, stiffening=0 if modulated == "level" else 1),
+            effects.AsymmetricFriction(level=0.3, stiffening=int(modulated != "level"), whole=own_sign),
             effects.Viscous(coefficient=0.1),
         )
         for effect in scales:

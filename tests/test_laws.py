@@ -60,6 +60,12 @@ def test_steady_speed_is_on_the_five_parameter_curve(law, speed):
 
 MODULATORS = {  # and the factor on the level at (position, time, load, direction)
     "asymmetric": (effects.AsymmetricFriction(level=0.2), lambda q, t, load, side: 1 + 0.2 * side),
+    "asymmetric, as a whole": (
+        effects.AsymmetricFriction(level=0.2, whole=1), lambda q, t, load, side: 1 + 0.2 * side,
+    ),
+    "asymmetric, by its own sign": (
+        effects.AsymmetricFriction(level=0.2, whole=2), lambda q, t, load, side: 1 + 0.2 * side,
+    ),
     "position": (
         effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.4]),
         lambda q, t, load, side: 1 + 0.3 * np.sin(3 * q + 0.4),

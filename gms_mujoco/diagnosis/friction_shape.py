@@ -265,18 +265,20 @@ def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Arra
     if at_floor(now, left, _NEARLY_NOISE):
         return
     if at_floor(now, left, CLOSE_TO_FLOOR):
-        misfit, x = now.misfit.onto(_slipping_back(now.plant), now.vector)
-        near = nudge(misfit, x)
-        if takes(left_of(now.misfit, now.vector), left_of(misfit, near), floor_of(now)):
+        misfit, x = now.misfit.onto(slipping_back(now.plant), now.vector)
+        near, before = nudge(misfit, x), left_of(now.misfit, now.vector)
+        if left_of(misfit, near) <= before:  # what it takes, it takes on the way to its end
             yield misfit, near
+        if takes(before, left_of(misfit, near), floor_of(now)):
             yield misfit, x
     if len(left.moments(floor_of(now))):
         calm, x = refit_between(now.misfit, now.vector)
-        whole = Misfit(_slipping_back(calm.plant(x)), now.misfit.observations)
+        whole = Misfit(slipping_back(calm.plant(x)), now.misfit.observations)
         yield whole, whole.vector(whole.coordinates.template, skew=calm.skew(x))
 
 
-def _slipping_back(plant: Plant) -> Plant:
+def slipping_back(plant: Plant) -> Plant:
+    """The plant with friction by the letter of its switching law."""
     return plant.replace(plant["gms"].replace(slips_back=1.0))
 
 

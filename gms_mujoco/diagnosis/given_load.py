@@ -9,8 +9,9 @@ import numpy as np
 from .. import effects
 from ..dataset import Dataset
 from ..effect import LOADED
-from ..fit import fit_as_logged
+from ..fit import fit_as_logged, fit_observations
 from ..fit_result import FitResult
+from ..identification.candidates import joined
 from ..identification.frf_observation import Seen
 from ..identification.held_out import p_value
 from ..identification.inverse import Observation
@@ -18,10 +19,11 @@ from ..identification.observe import loaded_by_drive, observe
 from ..identification.screen import Screen
 from ..plant import Plant
 from ..record import LOAD_ACTS, Record
+from .friction_shape import slipping_back
 from .judgement import FALSE_DISCOVERY_RATE, leaves_much_less
 from .search import Search
 
-_PROMISES = 0.1  # of the squared error, that a torque along with the load has to take beside a plant that has bent
+_PROMISES = 0.1  # of the squared error, that a load has to take in a linear refit beside a plant that has bent
 _PROMISES_MUCH = 0.3  # of it, that friction which grows with the torque of the drive has to
 _WAYS = ("in its direction", "against it")
 
@@ -56,20 +58,31 @@ def by_drive(seen: Sequence[Seen]) -> list[Seen]:
     return [o.with_signals(loaded_by_drive(o.record).signals) if isinstance(o, Observation) else o for o in seen]
 
 
-def grows_with_drive(search: Search) -> bool:
-    """Whether friction that grows with the torque of the drive promises much beside the plant of a search that has
-    ended above the noise floor, of records that know of no load."""
+def grows_with_drive(search: Search) -> Plant | None:
+    """The plant to search with where friction may grow with the torque of the drive, where that promises much beside
+    what a search has come to that has ended above the noise floor, of records that know of no load; else None.
+
+    A level that follows the torque of the drive falls often, and fast, and there friction by the letter of its
+    switching law is another one: where a linear refit beside the usual reading promises little, fits of both decide.
+    """
     last = search.steps[-1].result
     seen = last.misfit.observations
     if search.at_floor or not search.only_timed or LOADED in search.barred or LOADED in last.plant:
-        return False
+        return None
     if any(isinstance(o, Observation) and o.record.get("load") is not None for o in seen):
-        return False
-    screen = Screen(*last.misfit.onto(last.plant, last.vector, by_drive(seen)))
-    found = screen.candidate(effects.find(LOADED))
-    if found is None or found.gain < _PROMISES_MUCH:
-        return False
-    return p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE
+        return None
+    carried = by_drive(seen)
+    found = Screen(*last.misfit.onto(last.plant, last.vector, carried)).candidate(effects.find(LOADED))
+    if found is None or found.gain < _PROMISES or not p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE:
+        return None
+    if found.gain >= _PROMISES_MUCH:
+        return search.start
+    usual = fit_observations(joined(last.plant, found.effect), carried)
+    if "gms" in last.plant and "gms" in search.start and not last.plant["gms"].slips_back:
+        letter = fit_observations(slipping_back(usual.plant), carried)
+        if leaves_much_less(usual, letter) and leaves_much_less(last, letter):
+            return slipping_back(search.start)
+    return search.start if leaves_much_less(last, usual) else None
 
 
 def grown(search: Search, other: Search) -> str:

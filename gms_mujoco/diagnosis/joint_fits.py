@@ -41,9 +41,9 @@ _RUBBING = ({"deceleration": 0.0}, {"deceleration": 1.0}, {"deceleration": 0.2})
 FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "backlash": _RUBBING,
     "flexible_coupling": _RUBBING,
-    "asymmetric_friction": (
-        {"stiffening": 1.0, "dropping": 1.0}, {"stiffening": 1.0, "dropping": 0.0},
-        {"stiffening": 0.0, "dropping": 1.0}, {"stiffening": 0.0, "dropping": 0.0},
+    "asymmetric_friction": tuple(
+        {"stiffening": stiffening, "dropping": dropping, "whole": 0.0}
+        for stiffening in (1.0, 0.0) for dropping in (1.0, 0.0)
     ),
     "load_dependent_friction": _WITH_DRAG,
     "position_dependent_friction": _WITH_DRAG,
@@ -53,6 +53,8 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
         for form in _SCALING
     ),
 }  # fmt: skip
+# More of them, for an effect that was taken and leaves more than noise.
+_SELDOM: dict[str, tuple[dict[str, float], ...]] = {"asymmetric_friction": ({"whole": 1.0}, {"whole": 2.0})}
 _STARTS = 2  # of the forms of an effect, the most promising, that are looked for from the beginning
 _OPENED = 0.5  # of what the plant leaves, that a coupling leaves at most where a play may do better
 _FAR = 2.0  # times the cost of a fit: another form that leaves more after a few steps leaves more in the end
@@ -104,8 +106,10 @@ class JointFits:
             below = min(below, most_of_use(left, least[0]))
         return below + max(cost - left, 0.0)  # what the motion does not determine says nothing
 
-    def forms(self, effect: Effect, plant: Plant | None = None) -> list[dict[str, float]]:
+    def forms(self, effect: Effect, plant: Plant | None = None, seldom: bool = False) -> list[dict[str, float]]:
         """The forms of an effect, which no fit chooses from; of one that `plant` has, the one that it has.
+
+        With those that are `seldom` right, or without.
 
         Those with a speed have that of the effect, or a typical one; those with a scale of temperature likewise, and
         there are none where no temperature was measured that varies. Responses alone hardly tell dry friction of a load
@@ -117,7 +121,8 @@ class JointFits:
         if FORMS[effect.name] is _RUBBING and all(isinstance(o, FrfObservation) for o in self.seen):
             return [{}]
         scales = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
-        known = [form for form in FORMS[effect.name] if all(scales.get(k, 1.0) for k, v in form.items() if v)]
+        forms = FORMS[effect.name] + (_SELDOM.get(effect.name, ()) if seldom else ())
+        known = [form for form in forms if all(scales.get(k, 1.0) for k, v in form.items() if v)]
         return [{k: v * scales.get(k, 1.0) for k, v in form.items()} for form in known]
 
     def roughly(self, current: FitResult, candidate: Candidate, below: float = math.inf) -> tuple[Misfit, Array]:
@@ -263,7 +268,7 @@ class JointFits:
         """The same joint fit, or above the noise floor that from the beginning with another form of an effect where it
         leaves less: a form that is wrong may lead the plant to where no other does better."""
         effect = result.plant[name]
-        ways = [form for form in self.forms(effect) if effect.replace(**form) != effect]
+        ways = [form for form in self.forms(effect, seldom=True) if effect.replace(**form) != effect]
         if not ways or result.error <= AT_FLOOR * result.floor or self.patience.is_short:
             return result
         least = result.misfit.cost(result.vector)
@@ -278,7 +283,7 @@ class JointFits:
         if plays:
             result = from_other_contacts(result)
         found, cost = [result], result.misfit.cost(result.vector)
-        for form in self.forms(result.plant[name]):
+        for form in self.forms(result.plant[name], seldom=result.error > AT_FLOOR * result.floor):
             plant = result.plant.replace(result.plant[name].replace(**form))
             if plant[name] != result.plant[name]:
                 misfit, x = result.misfit.onto(plant, result.vector, self.seen)

@@ -106,7 +106,7 @@ void Joint::sums(int count, const Joint* const* joints, const Motion* motion, co
     const Call& x = first.torques_[i];
     for (int j = 0; j < count; j++) p[j] = joints[j]->torques_[i].p;
     torques_of(x, p, count, motion, level, state, next, part);
-    for (int j = 0; j < count; j++) total[j] += x.share(level[j]) * part[j];
+    for (int j = 0; j < count; j++) total[j] += x.scaled(part[j], level[j]);
   }
 }
 
@@ -134,7 +134,7 @@ void Joint::alternatives(int count, const Joint* const* joints, const Motion& mo
     } else {
       for (int j = 0; j < count; j++) part[j] = x.effect->torque(p[j], x.n, motion, level[j], from[j], to[j]);
     }
-    for (int j = 0; j < count; j++) total[j] += x.share(level[j]) * part[j];
+    for (int j = 0; j < count; j++) total[j] += x.scaled(part[j], level[j]);
   }
 }
 
@@ -149,7 +149,8 @@ double Joint::sum(const Motion& motion, const double* state, double* next, doubl
   if (parts) std::fill(parts, parts + uses_.size(), 0.0);
   double total = 0;
   for (const Call& x : torques_) {
-    const double part = x.share(level) * x.effect->torque(x.p, x.n, motion, level, state + x.state, next + x.state);
+    const double torque = x.effect->torque(x.p, x.n, motion, level, state + x.state, next + x.state);
+    const double part = x.scaled(torque, level);
     if (parts) parts[x.use] = part;
     total += part;
   }

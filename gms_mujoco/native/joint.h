@@ -140,7 +140,9 @@ class Joint {
     int n, state, use;
     bool friction;  // which may be multiplied as a whole
 
-    double share(const Level& level) const { return !friction ? 1 : effect->n_state ? level.whole : level.drag; }
+    double scaled(double torque, const Level& level) const {
+      return !friction ? torque : (effect->n_state ? level.of(torque) : level.drag) * torque;
+    }
   };
 
   static void torques_of(const Call& x, const double* const* p, int count, const Motion* motion, const Level* level,

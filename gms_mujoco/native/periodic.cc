@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 #include <vector>
 
 #include "api.h"
@@ -101,13 +102,13 @@ class Cycle {
 
   // Takes in the torque over that motion, and the state that is in `room` now; whether it is the end.
   bool take(double torque) {
-    const double whole = of_ ? joint_->level(next(), state_.data()).whole : 1;
+    const gms::Level level = of_ ? joint_->level(next(), state_.data()) : gms::Level();
     state_.swap(next_);
     if (k_++ <= 0) {
       if (k_ > 0) seen_[0] = state_, kept_ = 1;
       return false;
     }
-    note(k_ - 1, torque, whole);
+    note(k_ - 1, torque, level);
     if (!settled_ && k_ <= last_) return false;
     if (!settled_) turned();
     if (!settled_ && turn_ < kMostPeriods) return false;
@@ -124,14 +125,15 @@ class Cycle {
     return true;
   }
 
-  // Sample k of a turn, from 1 on; `whole` multiplies the torques of elements.
-  void note(int k, double torque, double whole) {
+  // Sample k of a turn, from 1 on; the level scales the torques of elements.
+  void note(int k, double torque, const gms::Level& level) {
     const int at = k % n_;
     if (!of_) {
       out_[at] = torque;
     } else {
       of_->effect->elements(state_.data() + of_->state, of_->n, apart_.data());
-      for (int j = 0; j < of_->n; j++) out_[j * n_ + at] = whole * apart_[j];
+      const double scale = level.of(std::accumulate(apart_.begin(), apart_.end(), 0.0));
+      for (int j = 0; j < of_->n; j++) out_[j * n_ + at] = scale * apart_[j];
     }
     for (size_t j = gms::Joint::kAnchor; j < state_.size(); j++) scale_[j] = std::max(scale_[j], std::fabs(state_[j]));
     if (k % kLook) return;

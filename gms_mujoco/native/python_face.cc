@@ -1,5 +1,6 @@
 // What Python calls through ctypes: the catalogue, and one joint built, replayed and freed.
 #include <algorithm>
+#include <numeric>
 #include <vector>
 
 #include "api.h"
@@ -67,11 +68,12 @@ GMS_API void gms_joint_elements(const Joint* joint, int use, int n, const double
   const Joint::Use& e = joint->uses()[use];
   for (int k = 0; k < n; k++) {
     const gms::Sample now = sample(k, time, position, velocity, load, temperature);
-    const double whole = joint->level(Joint::since(now, state.data()), state.data()).whole;
+    const gms::Level level = joint->level(Joint::since(now, state.data()), state.data());
     joint->torque(now, state.data(), next.data());
     state.swap(next);
     e.effect->elements(state.data() + e.state, e.n, torque);
-    for (int i = 0; i < e.n; i++) *torque++ *= whole;
+    const double scale = level.of(std::accumulate(torque, torque + e.n, 0.0));
+    for (int i = 0; i < e.n; i++) *torque++ *= scale;
   }
 }
 
@@ -109,10 +111,11 @@ GMS_API void gms_joints_changes(const Joint* const* joints, int count, int use, 
     Joint::alternatives(count, joints, motion, state, next, torque);
     double* to = instants ? row.data() : band.row();
     if (apart) e->effect->elements(next[0] + e->state, e->n, from.data());
-    const double whole = apart ? here.level(motion, state[0]).whole : 1;  // of all: they differ in the elements alone
+    // Of all: they differ in the elements alone.
+    const double scale = apart ? here.level(motion, state[0]).of(std::accumulate(from.begin(), from.end(), 0.0)) : 1;
     for (int j = 1; j <= apart; j++, to += e->n) {
       e->effect->elements(next[j] + e->state, e->n, to);
-      for (int i = 0; i < e->n; i++) to[i] = whole * (to[i] - from[i]);
+      for (int i = 0; i < e->n; i++) to[i] = scale * (to[i] - from[i]);
     }
     for (int j = apart + 1; j < count; j++) *to++ = torque[j] - torque[0];
     for (int j = 0; j < count; j++) std::swap(state[j], next[j]);

@@ -11,6 +11,7 @@ from gms_mujoco import effects
 from gms_mujoco.compare import compare
 from gms_mujoco.dataset import Dataset, load, save
 from gms_mujoco.diagnose import diagnose
+from gms_mujoco.diagnosis import given_load
 from gms_mujoco.diagnosis.given_load import corrected_load
 from gms_mujoco.errors import DataError
 from gms_mujoco.excitation import multisine
@@ -89,6 +90,17 @@ def test_friction_that_grows_with_the_torque_of_the_drive_needs_no_load_in_the_l
     assert "No load was logged" in d.steps[0].evidence and "torque of the drive" in d.steps[0].evidence
     assert float(np.asarray(d.found[0].coefficient)) == pytest.approx(0.15 / LEVEL, rel=0.1)
     assert compare(d.plant, runs.validate).torque_error == pytest.approx(d.steps[-1].validate_error, rel=0.02)
+
+
+@pytest.mark.slow
+def test_by_the_letter_of_its_law_friction_grows_with_the_torque_of_the_drive_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A level that falls as fast as the torque of the drive, where the usual reading of the law promises too little."""
+    monkeypatch.setattr(given_load, "_PROMISES_MUCH", 1.0)
+    d = diagnose(dataset(GEARED.replace(GEARED["gms"].replace(slips_back=1.0))), UNKNOWN)
+    assert [e.name for e in d] == ["load_dependent_friction"] and d.plant["gms"].slips_back == 1
+    assert d.steps[1].validate_error < 0.5 * d.steps[0].validate_error
 
 
 def test_a_fit_takes_the_torque_of_the_drive_where_no_load_was_logged() -> None:

@@ -46,6 +46,16 @@ def test_a_load_is_found_with_the_friction_that_it_has(tried: tuple[JointFits, F
     assert result.error < 0.3 * now.error
 
 
+@pytest.mark.parametrize("whole", [1.0, 2.0], ids=["by the motion", "by its sign"])
+def test_friction_that_leans_as_a_whole_is_found_where_a_level_that_leans_leaves_more(whole: float) -> None:
+    seen = tuple(observe(runs(HEALTHY + effects.AsymmetricFriction(level=0.2, whole=whole), seconds=4.0, seed=4), J))
+    level = fit_observations(HEALTHY + effects.AsymmetricFriction(level=0.1), seen)
+    found = JointFits(HEALTHY, seen, frozenset()).formed("asymmetric_friction", level)
+    assert found.plant["asymmetric_friction"].whole == whole
+    assert found.plant["asymmetric_friction"].level == pytest.approx(0.2, rel=0.02)
+    assert found.error < 0.7 * level.error
+
+
 PLACE = effects.PositionDependentFriction(harmonics=[3], amplitude=[0.3], phase=[0.5])
 HEAT = effects.ThermalDrift(amplitude=-0.5, time_constant=2.0)
 
