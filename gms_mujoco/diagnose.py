@@ -15,8 +15,22 @@ from .dataset import Dataset
 from .diagnosis.conclusion import conclude, fits_alone, lowered
 from .diagnosis.custom import Shape, Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
-from .diagnosis.friction_law import choices, law_of, leading_further, much_better, with_law, would_be_better
-from .diagnosis.friction_shape import other_kind, with_exponents, with_many_elements, without_vanished
+from .diagnosis.friction_law import (
+    choices,
+    law_of,
+    leading_further,
+    may_follow_the_letter,
+    much_better,
+    with_law,
+    would_be_better,
+)
+from .diagnosis.friction_shape import (
+    other_kind,
+    slipping_back,
+    with_exponents,
+    with_many_elements,
+    without_vanished,
+)
 from .diagnosis.given_inertia import contradicts, corrected, free, is_doubtful, is_needed
 from .diagnosis.given_load import by_drive, corrected_load, grown, grows_with_drive
 from .diagnosis.given_setup import corrected_setup
@@ -230,10 +244,15 @@ def _searched(
         if load_said := grown(search, other):
             (seen, select), search, way = carried, other, instead
     law_said, late = way.law, way.late
-    if free_law and not (search.at_floor or search.hint or patience.is_at_end):
-        laws = choices(start)[1:]
-        others = [Search(seen, select, with_law(start, law), without, search.timed, patience) for law in laws]
-        for other in leading_further(search, others):
+    if free_law and not (search.at_floor or search.hint):
+        plants = [] if patience.is_at_end else [with_law(start, law) for law in choices(start)[1:]]
+        if may_follow_the_letter(search):
+            plants.append(slipping_back(start))
+        others = [Search(seen, select, plant, without, search.timed, patience) for plant in plants]
+        others = leading_further(search, others)
+        if others and patience.is_at_end:
+            patience.grant()
+        for other in others:
             instead = searched(other, False, part(report, 0.9, 0.9), search)
             if better := much_better(search, other):
                 search, late, law_said = other, instead.late, better

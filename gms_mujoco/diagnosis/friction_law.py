@@ -17,7 +17,7 @@ from ..identification.held_out import HeldOut, p_value
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
-from ..identification.refine import refined
+from ..identification.refine import CLOSE_TO_FLOOR, refined
 from ..identification.starts import LAWS, to_identify
 from ..plant import Plant
 from ..progress import silent
@@ -58,6 +58,7 @@ _NEAR = 1.2  # times what the own law leaves: another that leaves more does not 
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 _NEARLY_ALL = 0.9  # of the squared error above the floor, that no effect takes in the place of another law
 _LITTLE = 0.05  # of the torque, that friction which is told leaves: beside a fit that is lost any law takes nearly all
+_PLAINLY = 0.9  # of the squared error that one reading of a law leaves beside one effect, that another is to leave
 _DAMPED = 0.3  # of what is critical, that a spring which is cut off is damped, to begin with
 
 
@@ -185,6 +186,15 @@ class FrictionLaw:
                 search.first(silent)
 
 
+def may_follow_the_letter(search: Search) -> bool:
+    """Whether a search has ended far above the noise floor beside `gms` friction that sticks where it unwinds.
+
+    Beside the other reading an effect that changes a level is another one, and `by_the_letter` looks near the floor."""
+    last = search.steps[-1].result
+    usual = "gms" in search.start and not search.start["gms"].slips_back
+    return usual and search.timed and last.error > CLOSE_TO_FLOOR * last.floor
+
+
 def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
     """Of searches with other laws of friction, which have not begun, those that may come to less than one that has
     ended: whose first plant would with the effect that promises most. The most promising comes first.
@@ -196,13 +206,25 @@ def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
     if not search.timed:
         return list(others)
     last = search.steps[-1].result
-    least = left_of(last.misfit, last.vector)
     reach = []
     for other in others:
-        if law_of(other.start) not in last.plant:
-            other.first(silent)
-            reach.append((other.within_reach(least), other))
-    return [other for left, other in sorted(reach, key=lambda r: r[0]) if left < least]
+        if _is_there(last.plant, other.start):
+            continue
+        other.first(silent)
+        if law_of(other.start) in last.plant:  # in another reading, which hides as much: like is set beside like
+            begun = copy(search)
+            begun.steps = search.steps[:1]
+            least = _PLAINLY * begun.within_reach()
+        else:
+            least = left_of(last.misfit, last.vector)
+        reach.append((other.within_reach(least) / least, other))
+    return [other for share, other in sorted(reach, key=lambda r: r[0]) if share < 1]
+
+
+def _is_there(plant: Plant, other: Plant) -> bool:
+    """Whether a plant has the law of another, read as there."""
+    law = law_of(other)
+    return law in plant and plant[law].values.get("slips_back") == other[law].values.get("slips_back")
 
 
 def much_better(search: Search, other: Search) -> str:
@@ -211,7 +233,8 @@ def much_better(search: Search, other: Search) -> str:
     if not (leaves_much_less(before, after) and search.selects(after)):
         return ""
     return (
-        f"{law_of(other.start)} describes the friction, in the place of {law_of(search.start)}: with it and what is "
+        f"{_told(other.start, law_of(other.start))} describes the friction, in the place of "
+        f"{_told(search.start, law_of(search.start))}: with it and what is "
         f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
     )
 
@@ -264,6 +287,8 @@ def _told(plant: Plant, name: str) -> str:
     creep, unit = plant.numbers().get(f"{name}.creep_velocity", (0.0, ""))
     if creep:
         return f"{name}, which gives way below its level (creep velocity {creep:.3g} {unit}),"
+    if plant[name].values.get("slips_back"):
+        return f"{name} by the letter of its switching law"
     return f"{name}, as a damped spring that is cut off at its level," if plant[name].values.get("plastic") else name
 
 

@@ -63,7 +63,7 @@ struct Level {
   bool drops = true;     // whether a contact that turns keeps no more than the level of the direction that it comes to
   double whole = 1;      // multiplier of the torque instead: of what contacts hold at rest, too
   double drag = 1;       // the same of what has no state, and so is no contact
-  double lean = 0;       // of what has: by how much larger its torque is where it resists forward, and smaller backward
+  double lean = 0;       // of a contact: how much more torque it has where that resists forward, and less backward
   // By a factor in both directions, with the stiffness or without; or all of the torque, with the drag or without.
   void scale(double factor, bool with_stiffness, bool as_a_whole, bool with_drag = true) {
     if (as_a_whole) {
@@ -75,7 +75,7 @@ struct Level {
     backward *= factor;
     if (!with_stiffness) stiffens = false;
   }
-  // Multiplier of the torque of a contact.
+  // Multiplier of the torque of a contact, which it may depend on the sign of.
   double of(double torque) const { return whole * (1 - lean * ((torque > 0) - (torque < 0))); }
   double at(double direction) const { return direction < 0 ? backward : forward; }
   double stiffness_at(double direction) const { return stiffens ? at(direction) : 1; }  // multiplier of a stiffness

@@ -1,5 +1,6 @@
 """Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
 
+import math
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,7 +15,17 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.findings import Diagnosis
-from gms_mujoco.diagnosis.friction_law import _NEAR, FrictionLaw, _strays, choices, much_better, with_law
+from gms_mujoco.diagnosis.friction_law import (
+    _NEAR,
+    FrictionLaw,
+    _strays,
+    choices,
+    leading_further,
+    may_follow_the_letter,
+    much_better,
+    with_law,
+)
+from gms_mujoco.diagnosis.friction_shape import slipping_back
 from gms_mujoco.diagnosis.judgement import Trial
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.diagnosis.steps import Step
@@ -28,6 +39,7 @@ from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.identification.refine import refine
 from gms_mujoco.plant import Plant
+from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
 from gms_mujoco.views.report import render
 
@@ -175,6 +187,19 @@ def _ended(error: float, floor: float) -> Any:
 )
 def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
     assert bool(much_better(_ended(0.3, 0.04), _ended(error, floor))) == better
+
+
+@pytest.mark.parametrize(("share", "leads"), [(0.95, False), (0.8, True)])
+def test_another_reading_of_the_law_is_searched_with_where_it_plainly_promises_more(
+    monkeypatch: pytest.MonkeyPatch, share: float, leads: bool,
+) -> None:
+    """Than the first one did at its beginning, however much less that has come to since."""
+    seen = observe(runs(HEALTHY + HIDDEN["cogging"], seconds=1.0, seed=1), J)
+    search, letter = (Search(seen, [], plant) for plant in (UNKNOWN, slipping_back(UNKNOWN)))
+    search.first(silent)
+    monkeypatch.setattr(Search, "within_reach", lambda self, least=math.inf: share if self is letter else 1.0)
+    assert leading_further(search, [letter]) == [letter] * leads
+    assert may_follow_the_letter(search) and not may_follow_the_letter(letter)
 
 
 def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
