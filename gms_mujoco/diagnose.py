@@ -236,10 +236,10 @@ def _searched(
         if inertia_said := corrected(search, other):
             start, search, way = free(start), other, instead._replace(law=instead.law or way.law)
     load_said = ""
-    if instead_of := grows_with_drive(search):
+    if geared := grows_with_drive(search):
         carried = by_drive(seen), by_drive(select)
         patience.grant()
-        other = Search(*carried, instead_of, without, patience=patience)
+        other = Search(*carried, geared, without, patience=patience)
         instead = searched(other, free_law, part(report, 0.9, 0.9), search)
         if load_said := grown(search, other):
             (seen, select), search, way = carried, other, instead

@@ -27,6 +27,7 @@ from .friction_shape import (
     STEPS,
     elastic_bristle,
     fading_damping,
+    has_another_reading,
     of_the_other_kind,
     other_curve,
     plastic_bristle,
@@ -191,8 +192,7 @@ def may_follow_the_letter(search: Search) -> bool:
 
     Beside the other reading an effect that changes a level is another one, and `by_the_letter` looks near the floor."""
     last = search.steps[-1].result
-    usual = "gms" in search.start and not search.start["gms"].slips_back
-    return usual and search.timed and last.error > CLOSE_TO_FLOOR * last.floor
+    return has_another_reading(search.start) and search.timed and last.error > CLOSE_TO_FLOOR * last.floor
 
 
 def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:

@@ -251,7 +251,7 @@ def by_the_letter(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    if "gms" not in now.plant or now.plant["gms"].slips_back or now.score.of != "torque":
+    if not has_another_reading(now.plant) or now.score.of != "torque":
         return now, left
     for misfit, x in _letter_starts(now, left):
         result, held_out = _better(now, left, fit_to_end(misfit, x), LEAST_SHARE)
@@ -275,6 +275,11 @@ def _letter_starts(now: FitResult, left: HeldOut) -> Iterator[tuple[Misfit, Arra
         calm, x = refit_between(now.misfit, now.vector)
         whole = Misfit(slipping_back(calm.plant(x)), now.misfit.observations)
         yield whole, whole.vector(whole.coordinates.template, skew=calm.skew(x))
+
+
+def has_another_reading(plant: Plant) -> bool:
+    """Whether friction is that of `gms`, and not by the letter of its switching law."""
+    return "gms" in plant and not plant["gms"].slips_back
 
 
 def slipping_back(plant: Plant) -> Plant:

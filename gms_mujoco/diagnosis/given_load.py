@@ -19,7 +19,7 @@ from ..identification.observe import loaded_by_drive, observe
 from ..identification.screen import Screen
 from ..plant import Plant
 from ..record import LOAD_ACTS, Record
-from .friction_shape import slipping_back
+from .friction_shape import has_another_reading, slipping_back
 from .judgement import FALSE_DISCOVERY_RATE, leaves_much_less
 from .search import Search
 
@@ -78,7 +78,7 @@ def grows_with_drive(search: Search) -> Plant | None:
     if found.gain >= _PROMISES_MUCH:
         return search.start
     usual = fit_observations(joined(last.plant, found.effect), carried)
-    if "gms" in last.plant and "gms" in search.start and not last.plant["gms"].slips_back:
+    if has_another_reading(last.plant) and "gms" in search.start:
         letter = fit_observations(slipping_back(usual.plant), carried)
         if leaves_much_less(usual, letter) and leaves_much_less(last, letter):
             return slipping_back(search.start)
