@@ -25,6 +25,7 @@ from .diagnosis.friction_law import (
     would_be_better,
 )
 from .diagnosis.friction_shape import (
+    fading_damping,
     other_kind,
     slipping_back,
     with_exponents,
@@ -273,7 +274,7 @@ def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
     while True:
         kept = search.steps[-1]
         if search.timed and not search.patience.is_at_end:
-            result, held_out = other_kind(kept.result, kept.held_out)
+            result, held_out = fading_damping(*other_kind(kept.result, kept.held_out))
             search.steps[-1] = kept = replace(kept, result=result, held_out=held_out)
         free_to_bend = gone_on(with_exponents(kept.result, start))
         # Where a load knocks is no moment that bends its contact, but what tells it.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import servos
 
-from gms_mujoco import effects
+from gms_mujoco import effects, threads
 from gms_mujoco.dataset import load, save
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.findings import Diagnosis
@@ -16,6 +16,10 @@ from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Of tests side by side each worker has a core: threads of several would wait for each other.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault(threads.VARIABLE, "1")
 
 
 def _folder(variable: str, default: str) -> Path:

@@ -94,7 +94,11 @@ def test_a_second_harmonic_is_one_more_element_and_no_new_effect() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "size"), [("cogging", 0.25 * LEVEL), ("position_dependent_friction", 0.3)], ids=["magnets", "screw"]
+    ("name", "size"),
+    [
+        pytest.param("cogging", 0.25 * LEVEL, id="magnets"),
+        pytest.param("position_dependent_friction", 0.3, id="screw", marks=pytest.mark.slow),
+    ],
 )
 def test_waves_on_a_slide_joint_are_found_with_their_pitch(name: str, size: float) -> None:
     """No number of them is whole there: a fit finds it."""
@@ -260,7 +264,7 @@ def test_a_weak_torque_is_found_at_the_noise_floor() -> None:
     assert healthy.verdict == "adequate" and len(healthy.steps) == 1
 
 
-@pytest.mark.parametrize("delay", [0.0, 1.5e-3])
+@pytest.mark.parametrize("delay", [0.0, *slow(1.5e-3)])
 def test_a_controller_that_answers_the_noise_of_its_encoder_is_no_delay(delay: float) -> None:
     """What it asks for seems to come late where that noise is what is left; a torque that does is still found."""
     truth, records = HEALTHY + effects.Delay(time=delay) if delay else HEALTHY, []
@@ -335,7 +339,7 @@ SCALES = {"speed": 1.0, "temperature_scale": 15.0}
 @pytest.mark.parametrize(
     "name, form",
     [
-        pytest.param(name, form, marks=[pytest.mark.slow] * (form != FORMS[name][-1]))
+        pytest.param(name, form, marks=[pytest.mark.slow] * (form != FORMS[name][-1] or name == "thermal_drift"))
         for name in MODULATING
         for form in FORMS[name]
     ],

@@ -164,21 +164,25 @@ class FrictionLaw:
             search.steps = kept
 
     def take(self, trial: Trial) -> None:
-        """Begins the search anew with another law: what was found beside the wrong one is looked for again."""
+        """Begins the search anew with another law: what was found beside the wrong one is looked for again, with as
+        much patience as at first."""
         search, name, first = self._search, trial.law.name, self._laws[0].name
         self._taken.add(name)
         was, now = search.steps[-1].result.error, trial.result.error
         fall = f"the torque error falls from {100 * was:.2f} % to {100 * now:.2f} %"
         if now >= was:
             fall = "less is left of what a fit has not seen"
+        found = [e.name for e in trial.result.plant.effects if e.name not in search.start and e.name != name]
+        with_it = " and ".join(["with it", *found])
         self.said = "" if name == first else (
-            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: with it {fall} "
+            f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: {with_it} {fall} "
             + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
                else "with fewer unknowns")
         )  # fmt: skip
         search.start = with_law(search.start, shaped_as(trial.law, trial.result.plant[name]))
         search.false.clear()
-        if any(e.name not in search.start for e in trial.result.plant.effects):
+        if found:
+            search.patience.grant()
             search.first(silent)
         else:
             search.steps = [Step(None, trial.result, held_out=trial.held_out)]
@@ -232,9 +236,9 @@ def much_better(search: Search, other: Search) -> str:
     before, after = search.steps[-1].result, other.steps[-1].result
     if not (leaves_much_less(before, after) and search.selects(after)):
         return ""
+    laws = [_told(s.steps[-1].result.plant, law_of(s.start)) for s in (other, search)]
     return (
-        f"{_told(other.start, law_of(other.start))} describes the friction, in the place of "
-        f"{_told(search.start, law_of(search.start))}: with it and what is "
+        f"{laws[0]} describes the friction, in the place of {laws[1]}: with it and what is "
         f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
     )
 

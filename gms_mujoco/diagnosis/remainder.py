@@ -31,7 +31,7 @@ _MOMENTS = 160  # short parts of a record
 _RARE = 0.025  # of them, that hold most of what stands at few instants
 _RECORDS_TOLD, _TOLD = 3, 6  # of those instants: records, and instants of each
 _PARTS = 8  # of a record, over which what is left has its mean
-_FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic
+_FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic, or to follow anything
 
 
 def loudest(seen: Sequence[Seen], parts: Sequence[Array]) -> str:
@@ -77,7 +77,8 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
         " as a factor on the torque": np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs]),
     }
     alone = len(runs) == 1
-    readings = [
+    instants, times = _instants(runs, total)
+    readings = [] if 0 < times < _FEWEST_PERIODS else [
         _periodic(o, r),
         _in_waves(position, residual, factors, plant.kind, alone),
         tied := _tied(position, residual, factors, plant.kind),
@@ -87,7 +88,7 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
         _wandering(runs, total, jump[0]),
         _apart(runs, total, plant),
     ]
-    least = max(_NOTABLE, _BESIDE * max(share for share, _ in readings))
+    least = max(_NOTABLE, _BESIDE * max((share for share, _ in readings), default=0.0))
     said += [text for share, text in readings if share > least]
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
     blind = float(np.sum(residual[~np.concatenate([x.determined for x, _ in runs])] ** 2)) / total
@@ -111,31 +112,41 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
     if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
         said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
     else:
-        said += _instants(runs, total)
+        said += instants
     return "; ".join(said)
 
 
-def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> list[str]:
-    """The few instants at which most of what is left stands, of the loudest records; nothing where it is all over."""
+def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[list[str], int]:
+    """The few instants at which most of what is left stands, of the loudest records, and how many there are; nothing
+    where it is all over."""
     moments = [_moment(o) for o, _ in runs]
     energy = np.array([np.bincount(m, p**2, _MOMENTS) for m, (_, p) in zip(moments, runs, strict=True)])
     order = np.argsort(-energy, axis=None)
     some = int(np.searchsorted(np.cumsum(energy.flat[order]), _MOSTLY_THERE * total)) + 1
     if some > _RARE * energy.size:
-        return []
+        return [], 0
     chosen = np.zeros(energy.shape, bool)
     chosen.flat[order[:some]] = True
     loud = [k for k in np.argsort(-(energy * chosen).sum(1)) if chosen[k].any()]
-    told = []
-    for k in loud[:_RECORDS_TOLD]:
+    told, n = [], 0
+    for k in loud:
         o, p = runs[k]
         at = np.flatnonzero(chosen[k])
-        here = [np.isin(moments[k], part) for part in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)[:_TOLD]]
+        apart = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+        n += len(apart)
+        here = [np.isin(moments[k], part) for part in apart[:_TOLD]]
         times = ", ".join(f"{np.average(o.time[h], weights=p[h] ** 2):.3g}" for h in here)
         told.append(f"{times} s in {o.record.name}")
     share, time = energy[chosen].sum() / total, some / energy.size
-    more = ", and others" if len(loud) > len(told) else ""
-    return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {', '.join(told)}{more}"]
+    where = ", ".join(told[:_RECORDS_TOLD]) + (", and others" if len(loud) > _RECORDS_TOLD else "")
+    return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {where}"], n
+
+
+def beside_instants(runs: Sequence[tuple[Observation, Array]]) -> float:
+    """Share of the square of what is left that stands elsewhere than at the loudest few instants of all."""
+    energy = np.concatenate([np.bincount(_moment(o), p**2, _MOMENTS) for o, p in runs])
+    quiet = len(energy) - int(_RARE * len(energy))
+    return float(np.sort(energy)[:quiet].sum() / max(energy.sum(), 1e-300))
 
 
 def _moment(o: Observation) -> NDArray[np.intp]:
@@ -192,12 +203,14 @@ def _percent(share: float) -> str:
 
 
 def _periodic(o: Observation, r: Array) -> Reading:
-    """That the residual of a record is a line in time."""
-    f, power = scipy.signal.periodogram(r, 1 / (o.stride * o.record.sample_time))
-    first = min(_FEWEST_PERIODS, len(power) - 1)
-    peak = int(np.argmax(power[first:])) + first
-    share = float(power[max(peak - 1, 0) : peak + 2].sum() / power.sum())
-    return share, f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})"
+    """That the residual of a record is a line in time, and not of a motion that is periodic itself."""
+    f, power = scipy.signal.periodogram(np.stack([r, o.velocity[o.index]]), 1 / (o.stride * o.record.sample_time))
+    first = min(_FEWEST_PERIODS, len(f) - 1)
+    peak = int(np.argmax(power[0, first:])) + first
+    share, of_motion = power[:, max(peak - 1, 0) : peak + 2].sum(1) / np.maximum(power.sum(1), 1e-300)
+    if (peak == first and power[0, peak - 1] > power[0, peak]) or of_motion > _NOTABLE:  # the foot of a slower one
+        return 0.0, ""
+    return float(share), f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})"
 
 
 def _in_waves(

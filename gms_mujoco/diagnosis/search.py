@@ -241,7 +241,7 @@ class Search:
         if added or unlisted is not None:
             return added
         if not self.at_floor and self.relogged():  # the plant may have been led to where a habit shows
-            self.first(silent)
+            self._seen_anew()
             return True
         if law is not None:
             return False
@@ -407,8 +407,10 @@ class Search:
             # A general law of friction takes the place of what it contains.
             self.steps = [s for s in self.steps if s.effect is None or s.effect in result.plant]
             self.steps.append(Step(name, result, None, confusable, p_values[name], held_out, others=rest))
-        if (self.shape() and self._is_needless(name)) or self.relogged():
+        if self.shape() and self._is_needless(name):
             self.first(silent)
+        elif self.relogged():
+            self._seen_anew()
         return True
 
     def _accept_two(
@@ -504,6 +506,21 @@ class Search:
         seen = as_logged(self.steps[-1].result, share=share)
         self.seen = seen or self.seen
         return seen is not None
+
+    def _seen_anew(self) -> None:
+        """Stays with what was found beside another habit of the log, where that is all; else begins again beside this
+        one, of which it may have stood for a part."""
+
+        def again(step: Step) -> Step:
+            before = step.result
+            result = self.fits.to_end(*before.misfit.onto(before.plant, before.vector, self.seen, skew=0.0))
+            return replace(step, result=result, held_out=cross_validated(result.misfit, result.vector))
+
+        last = again(self.steps[-1])
+        if len(self.steps) > 1 and at_floor(last.result, last.held_out):
+            self.steps = [*map(again, self.steps[:-1]), last]
+        else:
+            self.first(silent)
 
     def is_worth_it(self, result: FitResult, held_out: HeldOut, share: float = LEAST_SHARE) -> bool:
         """Whether a fit with one effect more takes enough of what the current plant leaves; see `judgement`."""

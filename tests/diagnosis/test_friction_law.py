@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bench import COUNT, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, TORQUE_NOISE, UNKNOWN, J, dataset, in_mujoco, runs, slow
 
-from gms_mujoco import effects
+from gms_mujoco import effects, effort
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.findings import Diagnosis
@@ -27,6 +27,7 @@ from gms_mujoco.diagnosis.friction_law import (
 )
 from gms_mujoco.diagnosis.friction_shape import slipping_back
 from gms_mujoco.diagnosis.judgement import Trial
+from gms_mujoco.diagnosis.patience import Patience
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.fit import fit, fit_observations
@@ -108,6 +109,24 @@ def test_a_law_is_taken_with_the_exponent_that_brings_it_there() -> None:
     assert search.start["dahl"].exponent == pytest.approx(0.5, abs=0.02)  # of what is looked for beside it, too
 
 
+def test_beside_another_law_a_search_is_as_patient_as_at_first() -> None:
+    offset = effects.TorqueOffset(torque=0.3 * LEVEL)
+    with effort.counted() as spent:
+        search = Search(observe(runs(BRISTLE + offset), J), [], UNKNOWN, patience=Patience(1.0, spent))
+        for effect, plant in ((None, UNKNOWN), ("torque_offset", UNKNOWN + effects.TorqueOffset())):
+            found = fit_observations(plant, search.seen)
+            search.steps.append(Step(effect, found, held_out=cross_validated(found.misfit, found.vector)))
+        law = FrictionLaw(search, free=True)
+        trial = law.better()
+        assert trial is not None and trial.law.name == "lugre"
+        search.patience.begin(search.steps[0].result)
+        while not search.patience.is_at_end:
+            spent.add(10**9)
+        law.take(trial)
+        assert not search.patience.is_at_end
+    assert "in the place of gms: with it and torque_offset the torque error falls from" in law.said
+
+
 def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
     d = found[""]
     assert d.verdict == "adequate" and not d.found
@@ -177,9 +196,9 @@ def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
     assert d.comparisons[-1].error <= 1.2 * d.noise_floor
 
 
-def _ended(error: float, floor: float) -> Any:
-    result = SimpleNamespace(error=error, floor=floor)
-    return SimpleNamespace(steps=[SimpleNamespace(result=result)], start=HEALTHY, selects=lambda result: True)
+def _ended(error: float, floor: float, plant: Plant = HEALTHY, start: Plant = HEALTHY) -> Any:
+    result = SimpleNamespace(error=error, floor=floor, plant=plant)
+    return SimpleNamespace(steps=[SimpleNamespace(result=result)], start=start, selects=lambda result: True)
 
 
 @pytest.mark.parametrize(
@@ -187,6 +206,12 @@ def _ended(error: float, floor: float) -> Any:
 )
 def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
     assert bool(much_better(_ended(0.3, 0.04), _ended(error, floor))) == better
+
+
+def test_a_law_that_is_much_better_is_told_as_it_was_found() -> None:
+    begun = CREEPS.replace(CREEPS["stribeck"].replace(creep_velocity=math.nan))
+    said = much_better(_ended(0.3, 0.04), _ended(0.06, 0.05, CREEPS, begun))
+    assert said.startswith("stribeck, which gives way below its level (creep velocity 0.3 rad/s), describes")
 
 
 @pytest.mark.parametrize(("share", "leads"), [(0.95, False), (0.8, True)])

@@ -28,7 +28,8 @@ def test_a_wrong_inertia_is_called_that_and_no_effect(factor: float) -> None:
     assert f"The given inertia of {factor * J:.4g} kg m^2 does not fit these records" in found.steps[0].evidence
 
 
-@pytest.mark.parametrize("factor", [0.5, *slow(2.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_plant_that_has_bent_far_does_not_hide_a_wrong_inertia(factor: float) -> None:
     """Half or twice of it friction that creeps, or a load that swings once in half a minute, would stand for."""
     search = Search(observe(dataset(HEALTHY).fit, factor * J), [], baseline(factor * J))
@@ -55,7 +56,7 @@ def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
     assert found.plant.inertia == pytest.approx(J, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", [None, "delay", "quadratic_drag"])
+@pytest.mark.parametrize("name", [None, "delay", *slow("quadratic_drag")])
 def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     records = dataset(HEALTHY + HIDDEN[name] if name else HEALTHY).fit
     search = Search(observe(records, J), [], baseline(J))

@@ -32,6 +32,7 @@ def test_both_forms_of_a_load_are_tried_from_the_deceleration_that_the_axis_woul
     assert fits.forms(RUBBING)[1] == {"deceleration": RUBBING.deceleration}
 
 
+@pytest.mark.slow
 def test_a_load_is_found_with_the_friction_that_it_has(tried: tuple[JointFits, FitResult, effects.Backlash]) -> None:
     fits, now, play = tried
     found = Screen(now.misfit, now.vector).candidate(effects.Backlash)

@@ -42,6 +42,7 @@ def names(search: Search) -> list[str | None]:
     return [s.effect for s in search.steps[1:]]
 
 
+@pytest.mark.slow
 def test_the_path_of_an_effect_that_was_passed_over_is_taken_where_it_leads_further() -> None:
     search = gone_astray(dataset(HEALTHY + OFFSET.replace(torque=0.3 * LEVEL) + HIDDEN["cogging"]))
     assert names(search) == ["asymmetric_friction"] and not search.at_floor

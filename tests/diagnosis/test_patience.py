@@ -52,6 +52,7 @@ def test_without_a_limit_nothing_is_left_out() -> None:
     assert not Patience().is_at_end
 
 
+@pytest.mark.slow
 def test_one_look_is_taken_however_little_it_may_take_and_what_was_left_out_is_said() -> None:
     whole, hasty = diagnose(dataset(TWO), UNKNOWN), diagnose(dataset(TWO), UNKNOWN, effort=1e-6)
     assert len(whole.found) == 2 and not any("limit" in note for note in whole.notes)

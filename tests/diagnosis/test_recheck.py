@@ -129,6 +129,7 @@ def test_effects_of_the_place_that_undo_each_other_are_a_series(phase: float) ->
     assert phase or times > 3
 
 
+@pytest.mark.slow
 def test_a_torque_reading_that_rings_is_no_coupling_but_is_told() -> None:
     def ringing(r: Record) -> np.ndarray:
         omega, zeta, h = 2 * np.pi * 30, 0.1, SAMPLE_TIME

@@ -80,6 +80,21 @@ def test_few_instants_are_said_with_their_times_and_records(records: list[Record
     assert "instant" not in _of(HEALTHY, _with(records, 0.1 * LEVEL * np.random.default_rng(2).normal(size=len(T))))
 
 
+def test_what_comes_seldom_is_tied_to_nothing_else(records: list[Record]) -> None:
+    """At one instant the axis has one place, one speed, and one mean from there on."""
+    hit = np.where(np.abs(T - 1.7) < 0.006, LEVEL, 0.0)
+    said = _of(HEALTHY, _with(records, hit, which=(1,)))
+    assert "instant" in said
+    assert not any(other in said for other in ("tied to", "wanders", "a jump", "in waves", "another in each record"))
+
+
+@pytest.mark.parametrize("frequency", [0.4, 3.0])
+def test_what_is_slower_than_four_periods_is_no_line(records: list[Record], frequency: float) -> None:
+    """Its foot reaches to where one is looked for."""
+    slow = 0.3 * LEVEL * np.sin(2 * np.pi * frequency * T + 0.7)
+    assert ("periodic in time" in _of(HEALTHY, _with(records, slow))) == (frequency * T[-1] > 4)
+
+
 def test_a_torque_that_the_axis_does_not_follow_is_said_and_no_delay_is(records: list[Record]) -> None:
     """A log that is slower than its controller shows every tenth of the torques by which that answers its encoder."""
     hiss = 2 * LEVEL * np.random.default_rng(0).standard_normal(len(T))

@@ -18,6 +18,7 @@ from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.fit import baseline, fit_observations
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.habits import EARLY_SHARE, acting_early
+from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.linear_model import cross_validated
 from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
@@ -32,6 +33,23 @@ def _logged(record: Record, early: float, line: float) -> Record:
     held = (1 - early) * record.torque + early * np.append(record.torque[:1], record.torque[:-1])
     unknown = line * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(held)))
     return replace(record, signals={**record.signals, "torque": held + unknown})
+
+
+@pytest.mark.parametrize("line", [0.0, 0.2])
+def test_what_was_found_stays_beside_another_habit_of_the_log_where_nothing_is_left(line: float) -> None:
+    """Else all is looked for again: it may have stood for a part of that habit."""
+    offset = effects.TorqueOffset(torque=0.2 * LEVEL)
+    search = Search(observe([_logged(r, 0.5, line) for r in runs(HEALTHY + offset)], J), [], UNKNOWN)
+    for effect, plant in ((None, UNKNOWN), ("torque_offset", UNKNOWN + effects.TorqueOffset())):
+        found = fit_observations(plant, search.seen)
+        search.steps.append(Step(effect, found, held_out=cross_validated(found.misfit, found.vector)))
+    search.seen = [o.acting_early() for o in search.seen if isinstance(o, Observation)]
+    search._seen_anew()
+    assert [s.effect for s in search.steps] == [None, "torque_offset"][: 1 if line else 2]
+    assert all(o.early for s in search.steps for o in s.result.misfit.observations)
+    if not line:
+        assert search.at_floor
+        assert search.steps[-1].result.plant["torque_offset"].torque == pytest.approx(0.2 * LEVEL, rel=0.02)
 
 
 def test_an_effect_that_takes_far_more_than_a_habit_of_the_log_comes_before_it(
@@ -84,6 +102,7 @@ def test_a_habit_that_shows_only_out_of_a_local_optimum_is_allowed_for() -> None
     assert found.plant.provenance["clock_skew"] == pytest.approx(-0.5 * SAMPLE_TIME, rel=0.1)
 
 
+@pytest.mark.slow
 def test_at_the_noise_floor_only_what_may_earn_its_place_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[str] = []
     roughly = JointFits.roughly
@@ -121,6 +140,7 @@ def test_a_drag_takes_the_place_of_a_curve_that_stands_for_it_at_the_noise_floor
             assert base.error > 1.2 * last.error
 
 
+@pytest.mark.slow
 def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
     """An effect that leaves less beside the present curve goes first; the curve that is left to find comes after it."""
     law = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
