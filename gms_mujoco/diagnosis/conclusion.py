@@ -180,7 +180,8 @@ def _holds(comparisons: Sequence[Comparison], negligible: float, hint: Hint | No
         return True
     *before, last = comparisons
     error, floor = last.determined
-    elsewhere = error * math.sqrt(beside_instants([(r.observation, r.residual) for r in last.records]))
+    runs = [] if last.frfs else [(r.observation, r.residual) for r in last.records]
+    elsewhere = error * math.sqrt(beside_instants(runs))
     near = math.inf if elsewhere <= AT_FLOOR * floor and hint is None else _NEAR_FLOOR * floor
     most = min([near, *(c.determined[0] for c in before)])
     return error <= most or _told_beforehand(last, negligible)

@@ -143,7 +143,9 @@ def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[
 
 
 def beside_instants(runs: Sequence[tuple[Observation, Array]]) -> float:
-    """Share of the square of what is left that stands elsewhere than at the loudest few instants of all."""
+    """Share of the square of what is left that stands elsewhere than at the loudest few instants of all; 1 of none."""
+    if not runs:
+        return 1.0
     energy = np.concatenate([np.bincount(_moment(o), p**2, _MOMENTS) for o, p in runs])
     quiet = len(energy) - int(_RARE * len(energy))
     return float(np.sort(energy)[:quiet].sum() / max(energy.sum(), 1e-300))
