@@ -93,12 +93,9 @@ def test_a_second_harmonic_is_one_more_element_and_no_new_effect() -> None:
     np.testing.assert_allclose(sorted(d.found[0].amplitude), [0.1 * LEVEL, 0.2 * LEVEL], rtol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "size"),
-    [
-        pytest.param("cogging", 0.25 * LEVEL, id="magnets"),
-        pytest.param("position_dependent_friction", 0.3, id="screw", marks=pytest.mark.slow),
-    ],
+    ("name", "size"), [("cogging", 0.25 * LEVEL), ("position_dependent_friction", 0.3)], ids=["magnets", "screw"]
 )
 def test_waves_on_a_slide_joint_are_found_with_their_pitch(name: str, size: float) -> None:
     """No number of them is whole there: a fit finds it."""
@@ -111,6 +108,7 @@ def test_waves_on_a_slide_joint_are_found_with_their_pitch(name: str, size: floa
     assert found["amplitude"][0] == pytest.approx(size, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_disturbance_that_is_periodic_in_time_gets_no_name() -> None:
     d = diagnose(_with(dataset(HEALTHY), 0.15 * LEVEL * np.sin(2 * np.pi * 12 * T)), UNKNOWN)
     assert d.verdict == "unexplained" and not d.found and d.steps[-1].validate_error > 1.3 * d.noise_floor
@@ -174,6 +172,7 @@ def test_what_holds_for_the_fit_records_alone_is_said() -> None:
     assert d.steps[-1].validate_error > d.steps[0].validate_error > 2 * d.noise_floor
 
 
+@pytest.mark.slow
 def test_what_new_records_show_nothing_of_is_said() -> None:
     """A rig that has lost a good half of its weight is as far from the gravity of the fit records as from none."""
     gravity = HIDDEN["gravity"]
@@ -185,6 +184,7 @@ def test_what_new_records_show_nothing_of_is_said() -> None:
     assert f"The validate records show nothing of gravity ({before} without it, {after} with it)." in d.notes
 
 
+@pytest.mark.slow
 def test_validate_records_choose_nothing(found: dict[str, Diagnosis]) -> None:
     runs = dataset(HEALTHY + HIDDEN["cogging"])
     noise = np.random.default_rng(0).normal(0, LEVEL, 3000)
@@ -254,6 +254,7 @@ def test_progress_runs_forward_to_its_end() -> None:
     assert d.verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_a_weak_torque_is_found_at_the_noise_floor() -> None:
     """A drag of an eighth of the friction at 30 rad/s beside twenty times the noise: a few percent of what is left."""
     loud = 20 * TORQUE_NOISE
@@ -304,6 +305,7 @@ def test_practice_sets(practice: Path, name: str) -> None:
         assert d.verdict in ("explained", "partly_explained") and last < 0.2 * first
 
 
+@pytest.mark.slow
 def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() -> None:
     gauss = HEALTHY.replace(HEALTHY["gms"].replace(static=7e-3, stribeck_velocity=3.0, stribeck_exponent=2.0))
     d = diagnose(dataset(gauss), UNKNOWN)
@@ -311,6 +313,7 @@ def test_an_axis_whose_friction_weakens_with_the_square_of_speed_is_healthy() ->
     assert d.plant["gms"].stribeck_exponent == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_drag_that_fades_while_the_axis_warms_up_is_named() -> None:
     warming = effects.ThermalDrift(viscous=2 * HEALTHY["viscous"].coefficient, time_constant=1.5)
     d = diagnose(dataset(HEALTHY + warming), UNKNOWN)
@@ -336,15 +339,8 @@ MODULATING = {
 SCALES = {"speed": 1.0, "temperature_scale": 15.0}
 
 
-@pytest.mark.parametrize(
-    "name, form",
-    [
-        pytest.param(name, form, marks=[pytest.mark.slow] * (form != FORMS[name][-1] or name == "thermal_drift"))
-        for name in MODULATING
-        for form in FORMS[name]
-    ],
-    ids=str,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name, form", [(name, form) for name in MODULATING for form in FORMS[name]], ids=str)
 def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
     """Beside a temperature that was logged, which friction follows or does not."""
     form = {k: v * SCALES.get(k, 1.0) for k, v in form.items()}

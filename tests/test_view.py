@@ -79,6 +79,7 @@ def _soon(true: Callable[[], bool]) -> bool:
     return true()
 
 
+@pytest.mark.slow
 def test_a_browser_shows_both_models(recording: Path, tmp_path: Path) -> None:
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:

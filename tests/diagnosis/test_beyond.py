@@ -149,6 +149,7 @@ def test_a_slew_limit_is_no_saturation() -> None:
 DRIVES = [effects.CurrentLoopLag(time=1e-3), effects.Delay(time=1.5e-3), SATURATED]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(3))
 def test_two_effects_of_a_drive_are_no_slew_limit_that_leaves_less_than_the_first(first: int) -> None:
     hidden = [d for i, d in enumerate(DRIVES) if i != first]
@@ -156,6 +157,7 @@ def test_two_effects_of_a_drive_are_no_slew_limit_that_leaves_less_than_the_firs
         assert _said(effect, runs(HEALTHY + hidden[0] + hidden[1])) == ""
 
 
+@pytest.mark.slow
 def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
     records = [_fading(r, share) for r, share in zip(runs(HEALTHY), (0.0, 0.05, 0.1), strict=True)]
     said = _said(DRIFT, records)
@@ -165,6 +167,7 @@ def test_a_motor_that_fades_over_a_session_is_no_drift_in_each_record() -> None:
     assert float(told[1]) == pytest.approx(10, abs=1.5)
 
 
+@pytest.mark.slow
 def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> None:
     said = _said(DRIFT, [_heated(r) for r in runs(HEALTHY)])
     told = re.match(r"a torque constant that falls as the torque heats the motor .* of a record, by (.*) %,", said)

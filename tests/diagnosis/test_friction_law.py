@@ -174,6 +174,7 @@ def by_mujoco(hidden: str, limit: float = 1.0) -> Dataset:
     return replace(made, records=tuple(again(r) for r in made.records))
 
 
+@pytest.mark.slow
 @AND_WHAT_IT_HIDES
 def test_the_friction_of_mujoco_is_known_as_it_is_and_what_it_hides(hidden: str) -> None:
     cogs = f'<dcmotor joint="shaft" input="none" motorconst="0" resistance="1" cogging="{0.2 * LEVEL} 7 0.3"/>'
@@ -240,6 +241,7 @@ def test_the_choice_is_told_wherever_the_steps_are(found: dict[str, Diagnosis], 
     assert said in str(found[name]) and said[1:] in render(found[name])
 
 
+@pytest.mark.slow
 def test_a_habit_of_the_log_is_allowed_for_beside_the_law_that_was_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though what the wrong law left was too much to see beside it that currents were measured after they had acted."""
 
@@ -262,6 +264,7 @@ def test_a_habit_of_the_log_is_allowed_for_beside_the_law_that_was_taken(monkeyp
     assert found.plant.provenance["clock_skew"] == pytest.approx(-early * SAMPLE_TIME, rel=0.2)
 
 
+@pytest.mark.slow
 def test_maxwell_elements_stay_where_something_is_hidden_beside_them() -> None:
     """One bristle is damped, and a delay looks like damping."""
     d = diagnose(dataset(HEALTHY + HIDDEN["delay"], SECONDS))
@@ -341,7 +344,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", ["lugre", "stribeck", *slow("gms", "dahl")])
+@pytest.mark.parametrize("name", ["lugre", *slow("stribeck", "gms", "dahl")])
 def test_the_law_that_a_plant_lacks_is_named(name: str) -> None:
     """A general one too, in the place of what it contains; and not where what it contains does as well."""
     found = diagnose(dataset(LAWS[name], SECONDS), DRY)

@@ -56,7 +56,7 @@ def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
     assert found.plant.inertia == pytest.approx(J, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", [None, "delay", *slow("quadratic_drag")])
+@pytest.mark.parametrize("name", [None, *slow("delay", "quadratic_drag")])
 def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     records = dataset(HEALTHY + HIDDEN[name] if name else HEALTHY).fit
     search = Search(observe(records, J), [], baseline(J))

@@ -71,7 +71,8 @@ def test_gravity_and_zeros_are_found(tmp_path: Path) -> None:
     assert "or as if gravity were" in said, "in a plane a turned base is a turned first joint"
 
 
-@pytest.mark.parametrize("joint", ["shoulder", *slow("elbow")])
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
 def test_a_joint_that_counts_backwards_is_found(tmp_path: Path, joint: str) -> None:
     runs, said = corrected_setup(measured(tmp_path, Setup(reversed=(joint,))), START)
     assert runs.robot is not None and runs.robot.setup == Setup(reversed=(joint,))

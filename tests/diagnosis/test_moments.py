@@ -79,6 +79,7 @@ def test_a_knock_in_records_that_are_fitted_is_told_and_counts_for_nothing_on_ot
     assert abs(float(re.search(r"at ([0-9.]+) s in fit_1", found.notes[-1])[1]) - KNOCK) < 0.15
 
 
+@pytest.mark.slow
 def test_a_knock_in_records_that_are_not_fitted_is_no_part_of_the_axis_and_counts():
     found = diagnose(knocked("validate"), UNKNOWN)
     assert found.verdict == "unexplained" and not found.found and "not fitted" in found.remainder

@@ -77,6 +77,7 @@ def test_a_fit_that_knocks_at_the_wrong_instants_is_led_out() -> None:
     assert values["gap"] == pytest.approx(0.05, rel=0.15) and values["damping"] == pytest.approx(0.15, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_coupling_that_leaves_more_than_noise_is_opened_to_a_play_of_some_width() -> None:
     baseline = refine(*_begun(HEALTHY))
     coupling = effects.FlexibleCoupling(inertia=0.4 * J, frequency=20.0, damping=0.15)

@@ -70,6 +70,7 @@ def test_a_reading_whose_period_comes_to_nothing_does_not_ring(monkeypatch: pyte
     assert rung(result.misfit, result.vector) is None
 
 
+@pytest.mark.slow
 def test_an_axis_of_which_a_part_swings_is_no_reading_that_rings() -> None:
     """One effect that swings and explains all is enough, however little another one does that swings too."""
     coupling = effects.FlexibleCoupling(inertia=0.3 * J, frequency=2 * FREQUENCY, damping=0.05)

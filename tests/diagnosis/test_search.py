@@ -52,6 +52,7 @@ def test_what_was_found_stays_beside_another_habit_of_the_log_where_nothing_is_l
         assert search.steps[-1].result.plant["torque_offset"].torque == pytest.approx(0.2 * LEVEL, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_effect_that_takes_far_more_than_a_habit_of_the_log_comes_before_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -156,6 +157,7 @@ def test_a_curve_that_would_hide_a_drag_waits_for_it() -> None:
     assert found["quadratic_drag"].coefficient == pytest.approx(hidden.coefficient, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_curve_that_waits_for_nothing_comes_at_last(monkeypatch: pytest.MonkeyPatch) -> None:
     law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=0.75)
     others = [name for name in effects.CATALOGUE if name not in ("spring", "cogging")]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bench import HEALTHY, LEVEL, UNKNOWN, dataset, driven
 
 from gms_mujoco import effects
@@ -28,6 +29,7 @@ def test_a_plant_that_the_fit_records_do_not_determine_is_no_missing_effect() ->
     assert not d.found and "those that were fitted do not tell all parameters" in d.remainder
 
 
+@pytest.mark.slow
 def test_what_is_no_effect_gets_no_name_in_new_records_either() -> None:
     runs = dataset(HEALTHY)
     wave = 0.3 * LEVEL * np.sin(2 * np.pi * 12 * runs.records[0].time)
