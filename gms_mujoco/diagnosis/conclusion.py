@@ -15,7 +15,7 @@ from .beyond import Hint
 from .custom import Scored
 from .findings import Diagnosis, Rejected
 from .judgement import AT_FLOOR
-from .remainder import beside_instants, describe, loudest
+from .remainder import describe, loudest
 from .search import Search
 from .steps import Step
 
@@ -54,7 +54,7 @@ def conclude(
     last = steps[-1].result
     negligible = max(o.negligible for o in search.seen)
     comparisons = [s.comparison for s in steps if s.comparison is not None]
-    holds = _holds(comparisons, negligible, hint)
+    holds = _holds(comparisons, negligible)
     at_floor = (search.at_floor or _as_good(steps[-1], negligible)) and holds
     at_floor |= bool(moments) and _told_beforehand(steps[-1].comparison, negligible)
     added = len(steps) > 1
@@ -169,21 +169,17 @@ def _as_good(step: Step, negligible: float) -> bool:
     return all(error <= max(_CLOSE * floor, negligible) for error, floor in ends)
 
 
-def _holds(comparisons: Sequence[Comparison], negligible: float, hint: Hint | None) -> bool:
+def _holds(comparisons: Sequence[Comparison], negligible: float) -> bool:
     """Whether the last plant is as good on new records as those before it and near the noise floor, or at it.
 
     What fits well and does not hold on new records is no explanation, whatever it does to those it was fitted to. Where
-    the axis moves less than its encoder resolves nothing holds, and that speaks against no plant; nor do a few
-    instants of which there is no `hint`: a reversal that just comes about, or does not.
+    the axis moves less than its encoder resolves nothing holds, and that speaks against no plant.
     """
     if not comparisons:
         return True
     *before, last = comparisons
     error, floor = last.determined
-    runs = [] if last.frfs else [(r.observation, r.residual) for r in last.records]
-    elsewhere = error * math.sqrt(beside_instants(runs))
-    near = math.inf if elsewhere <= AT_FLOOR * floor and hint is None else _NEAR_FLOOR * floor
-    most = min([near, *(c.determined[0] for c in before)])
+    most = min(_NEAR_FLOOR * floor, *(c.determined[0] for c in before), math.inf)
     return error <= most or _told_beforehand(last, negligible)
 
 

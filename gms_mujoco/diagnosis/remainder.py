@@ -142,15 +142,6 @@ def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[
     return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {where}"], n
 
 
-def beside_instants(runs: Sequence[tuple[Observation, Array]]) -> float:
-    """Share of the square of what is left that stands elsewhere than at the loudest few instants of all; 1 of none."""
-    if not runs:
-        return 1.0
-    energy = np.concatenate([np.bincount(_moment(o), p**2, _MOMENTS) for o, p in runs])
-    quiet = len(energy) - int(_RARE * len(energy))
-    return float(np.sort(energy)[:quiet].sum() / max(energy.sum(), 1e-300))
-
-
 def _moment(o: Observation) -> NDArray[np.intp]:
     """(m,) number of the short part of a record that each row is in."""
     span = max(float(np.ptp(o.time)), 1e-300)

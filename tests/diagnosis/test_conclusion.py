@@ -1,19 +1,14 @@
 """What a diagnosis comes to: when all is told, and what to measure where it is not."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, runs
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gms_mujoco import effects
-from gms_mujoco.compare import compare
-from gms_mujoco.diagnosis.beyond import Hint
-from gms_mujoco.diagnosis.conclusion import _as_good, _comes_back, _holds, _to_isolate
+from gms_mujoco.diagnosis.conclusion import _as_good, _comes_back, _to_isolate
 from gms_mujoco.diagnosis.findings import Rejected
 from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.identification.inverse import Observation
@@ -64,20 +59,3 @@ def test_less_than_a_thousandth_is_left_alone_where_it_is_of_a_torque() -> None:
     result: Any = SimpleNamespace(error=9e-4, floor=1e-6)
     assert _as_good(Step(None, result), Observation.negligible)
     assert not _as_good(Step(None, result), ServoObservation.negligible)
-
-
-def test_what_stands_at_few_instants_of_new_records_speaks_against_no_plant_unless_something_known_makes_it() -> None:
-    """A reversal that just comes about, or does not, is left by the true plant too."""
-    record = runs(HEALTHY, "validate", seed=2)[0]
-    time = record.time - record.time[0]
-
-    def left(torque: np.ndarray) -> list[Any]:
-        return [compare(HEALTHY, [replace(record, signals={**record.signals, "torque": record.torque + torque})])]
-
-    hit = left(np.where(np.abs(time - 1.5) < 0.01, 0.5 * LEVEL, 0.0))
-    wave = left(0.05 * LEVEL * np.sin(2 * np.pi * 12 * time))
-    for comparison in (hit, wave):
-        error, floor = comparison[0].determined
-        assert error > 2 * floor
-    assert _holds(hit, 0.0, None) and not _holds(wave, 0.0, None)
-    assert not _holds(hit, 0.0, Hint("a torque that is clipped", ""))
