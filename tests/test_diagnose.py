@@ -133,6 +133,7 @@ def test_what_new_records_leave_below_a_count_speaks_against_no_plant(
     assert any("less than its encoder resolves" in note for note in d.notes) == (verdict == "adequate")
 
 
+@pytest.mark.slow
 def test_one_impact_gets_no_name() -> None:
     runs = dataset(HEALTHY)
     hit = np.where(np.abs(T - 1.7) < 0.003, 2 * LEVEL, 0.0)
@@ -143,6 +144,7 @@ def test_one_impact_gets_no_name() -> None:
         assert "at one instant, 1.7 s in fit_0" in d.remainder
 
 
+@pytest.mark.slow
 def test_what_remains_beside_a_known_effect_is_said() -> None:
     line = 0.05 * LEVEL * np.sin(2 * np.pi * 12 * T)
     d = diagnose(_with(dataset(HEALTHY + HIDDEN["cogging"]), line), UNKNOWN)

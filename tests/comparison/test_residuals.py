@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COUNT, HEALTHY, HIDDEN, LEVEL, J, run, runs
+from bench import COUNT, HEALTHY, HIDDEN, LEVEL, J, run, runs, slow
 
 from gms_mujoco import effects
 from gms_mujoco.compare import Comparison, compare
@@ -79,7 +79,7 @@ def test_of_all_means_together_about_one_in_a_hundred(drawn: list[ResidualMap]) 
     assert 0.003 < outside.mean() < 0.02, outside.mean()
 
 
-@pytest.mark.parametrize("bench", [{}, {"resolution": 50 * COUNT}, {"torque_noise": 2e-6}],
+@pytest.mark.parametrize("bench", [{}, *slow({"resolution": 50 * COUNT}, {"torque_noise": 2e-6})],
                          ids=["as it is", "coarse encoder", "quiet drive"])  # fmt: skip
 def test_a_healthy_axis_with_noise_read_off_its_records_lies_outside_as_often(bench: dict) -> None:
     views = [m for seed in range(70, 94) for m in compare(HEALTHY, runs(HEALTHY, "validate", seed=seed, **bench)).views]

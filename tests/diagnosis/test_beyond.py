@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, driven, runs, worn
+from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, driven, runs, slow, worn
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -174,18 +174,21 @@ def test_a_motor_that_heats_up_in_each_record_is_no_friction_that_drifts() -> No
     assert told is not None and float(told[1]) == pytest.approx(28, abs=3)
 
 
+@pytest.mark.slow
 def test_friction_that_runs_in_over_the_way_does_not_drift_in_time() -> None:
     said = _said(DRIFT, [worn(r) for r in runs(HEALTHY)])
     told = re.match(r"friction that falls over the way in the course of a record, by (.*) %,", said)
     assert told is not None and float(told[1]) == pytest.approx(33, abs=7)
 
 
+@pytest.mark.slow
 def test_a_body_that_friction_carries_along_is_no_coupling() -> None:
     said = _said(COUPLED, [_ringed(r) for r in runs(HEALTHY)])
     told = re.match(r"a body of (.*) % of the inertia, that friction carries along and lets slip,", said)
     assert told is not None and float(told[1]) == pytest.approx(30, abs=8)
 
 
+@pytest.mark.slow
 def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
     records = _cooling()
     said = _said(DRIFT, records)
@@ -195,6 +198,7 @@ def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
     assert float(told[1]) == pytest.approx(-20, abs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [DRIFT, COGGING], ids=lambda e: e.name)
 def test_all_friction_taken_from_the_records_but_one_explains_nothing(effect: Effect) -> None:
     """Whatever is left of so little torque is little too."""
@@ -215,7 +219,7 @@ def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:
     assert said.startswith("a torque in waves over the place that grows with the speed, 13 to a revolution")
 
 
-@pytest.mark.parametrize("effect", [COGGING, PLACED], ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", [COGGING, *slow(PLACED)], ids=lambda e: e.name)
 def test_a_torque_constant_that_ripples_is_neither_cogging_nor_friction(effect: Effect) -> None:
     said = _said(effect, [_rippling(r) for r in runs(HEALTHY)])
     told = re.match(r"a torque constant that ripples over the place, 6 to a revolution, by (\S+) %", said)
@@ -233,7 +237,7 @@ def test_a_reading_that_errs_in_waves_is_neither_an_eccentric_encoder_nor_coggin
     assert told is not None and float(told[1]) == pytest.approx(0.03, rel=0.1)
 
 
-@pytest.mark.parametrize("effect", [COGGING, PLACED, DRIFT, ECCENTRIC, SATURATED], ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", [COGGING, *slow(PLACED, DRIFT, ECCENTRIC, SATURATED)], ids=lambda e: e.name)
 def test_the_effect_itself_is_not_beaten(effect: Effect) -> None:
     assert not _said(effect, runs(HEALTHY + effect))
 

@@ -51,7 +51,7 @@ BRISTLE = Plant.axis(J) + effects.LuGre(**TRUE) + effects.Viscous(coefficient=2e
 CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
     coulomb=LEVEL, static=5.5e-3, stribeck_velocity=3.0, creep_velocity=0.3
 )  # fmt: skip
-AND_WHAT_IT_HIDES = pytest.mark.parametrize("hidden", ["", *slow("cogging")])
+AND_WHAT_IT_HIDES = pytest.mark.parametrize("hidden", ["", "cogging"])
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +134,7 @@ def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> Non
     assert d.steps[0].validate_error <= 1.3 * d.noise_floor
 
 
+@pytest.mark.slow
 @AND_WHAT_IT_HIDES
 def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidden: str) -> None:
     d = diagnose(dataset(CREEPS + HIDDEN[hidden] if hidden else CREEPS, SECONDS))
@@ -143,6 +144,7 @@ def test_friction_that_gives_way_below_its_level_is_found_and_what_it_hides(hidd
     assert law.creep_velocity == pytest.approx(0.3, rel=0.05) and law.coulomb == pytest.approx(LEVEL, rel=0.02)
 
 
+@pytest.mark.slow
 @AND_WHAT_IT_HIDES
 def test_a_damped_spring_that_is_cut_off_is_found_and_what_it_hides(hidden: str) -> None:
     law = effects.LuGre(**TRUE | {"damping": 0.3 * np.sqrt(TRUE["stiffness"] * J), "plastic": 1.0})

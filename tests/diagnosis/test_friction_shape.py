@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs
+from bench import GMS, HEALTHY, LEVEL, J, fitted_sticking, runs, slow
 
 from gms_mujoco import effects
 from gms_mujoco.diagnosis.friction_shape import (
@@ -48,7 +48,7 @@ def test_beside_friction_that_follows_its_level_what_modulates_it_is_seen() -> N
         assert following(refine(misfit, misfit.vector(plant), 1)) is None
 
 
-@pytest.mark.parametrize("exponent", [0.75, 1.4])
+@pytest.mark.parametrize("exponent", [0.75, *slow(1.4)])
 def test_an_exponent_between_the_usual_ones_is_found(exponent: float) -> None:
     """With it the levels come out right, and none is better still."""
     law = GMS.replace(static=2 * LEVEL, stribeck_velocity=1.5)

@@ -65,6 +65,7 @@ def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     assert not is_doubtful(search, Search(search.seen, [], free(baseline(J))))
 
 
+@pytest.mark.slow
 def test_what_explains_a_part_of_a_wrong_inertia_does_not_keep_it() -> None:
     """An inertia that leaves no more than noise is better than what might leave less beside a wrong one."""
     wave, start = effects.Cogging(harmonics=[6], amplitude=[0.004 * LEVEL], phase=[0.4]), baseline(1.0025 * J)

@@ -52,6 +52,7 @@ def test_a_robot_as_its_model_has_it_is_left_alone(tmp_path: Path) -> None:
     assert corrected_setup(runs, START) == (runs, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [0.5, *slow(-0.3)])
 def test_a_payload_is_found_with_its_moment(tmp_path: Path, mass: float) -> None:
     runs, said = corrected_setup(measured(tmp_path, Setup(payload=Payload("fore", mass, (0.25, 0.0, 0.0)))), START)
@@ -99,6 +100,7 @@ def test_a_payload_is_weighed_again_beside_the_law_of_friction_that_was_found(tm
     assert float(found.steps[0].evidence.split("mass = ")[1].split(",")[0]) == pytest.approx(0.5, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_axis_is_no_setup(tmp_path: Path) -> None:
     turned = HEALTHY + gms.effects.Cogging(harmonics=[3.0], amplitude=[0.4], phase=[0.5])
     found = diagnose(measured(tmp_path, Setup(), turned), START)

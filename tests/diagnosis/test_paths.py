@@ -64,6 +64,7 @@ def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
     assert along_rivals(search, law, quiet) is law and search.steps[1:] == [end]
 
 
+@pytest.mark.slow
 def test_friction_gets_another_shape_beside_an_effect_that_was_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before it is asked whether that path promises anything: a wrong exponent leaves more than many an effect."""
     gauss = GMS.replace(static=1.6 * LEVEL, stribeck_velocity=1.5, stribeck_exponent=2.0)

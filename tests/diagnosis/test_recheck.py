@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, driven, runs, worn
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, dataset, driven, runs, slow, worn
 from scipy import signal
 
 from gms_mujoco import effects
@@ -79,7 +79,7 @@ def test_friction_that_varies_over_the_place_gives_way_to_a_torque_constant_that
     assert [t.name for t in search.rejected] == ([name] if ripples else [])
 
 
-@pytest.mark.parametrize("runs_in", [True, False])
+@pytest.mark.parametrize("runs_in", [True, *slow(False)])
 def test_a_drift_gives_way_to_friction_that_runs_in_where_that_is_told_later(runs_in: bool) -> None:
     """And stays where that leaves more, though it was told of what is missing beside it."""
     drift, missing = effects.ThermalDrift(amplitude=0.3, time_constant=1.0), HIDDEN["cogging"]
@@ -192,6 +192,7 @@ def test_two_effects_that_are_refused_alone_are_found_together(monkeypatch: pyte
     assert not search.add_one(quiet)  # a healthy axis has no two either
 
 
+@pytest.mark.slow
 def test_an_effect_that_stood_in_for_another_makes_room_for_it() -> None:
     hidden = HEALTHY + effects.AsymmetricFriction(level=0.2) + HIDDEN["cogging"]
     seen = observe(dataset(hidden).fit, HEALTHY.inertia)

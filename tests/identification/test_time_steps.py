@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, in_mujoco, runs, slow
+from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, in_mujoco, runs
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -76,7 +76,8 @@ def test_a_fit_finds_out_that_rows_are_time_steps_and_tells_it(law: str, after: 
     assert held_out.error < 1.2 * held_out.noise_floor and held_out.simulation_error < 0.02
 
 
-@pytest.mark.parametrize("hidden", ["", *slow("cogging")])
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", ["", "cogging"])
 def test_what_a_simulation_hides_is_named_and_nothing_is_left(hidden: str) -> None:
     d = diagnose(logged(model("frictionloss", COGS if hidden else ""), after=True))
     assert [e.name for e in d] == [hidden] * bool(hidden) and d.verdict == ("explained" if hidden else "adequate")
