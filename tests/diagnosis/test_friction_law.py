@@ -195,7 +195,8 @@ def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
     assert [e.name for e in d] == ["torque_saturation"] and d.verdict == "explained"
     assert d.found[0].limit == pytest.approx(1.5 * LEVEL, rel=0.01)
     said = str(d.to_dict()["steps"][0]["evidence"])
-    assert said.startswith("frictionloss describes the friction, in the place of gms: with it and what is found beside")
+    assert said.startswith("frictionloss, which gives way below its level (creep velocity 0.")
+    assert "describes the friction, in the place of gms: with it and what is found beside" in said
     assert d.comparisons[-1].error <= 1.2 * d.noise_floor
 
 
