@@ -15,7 +15,7 @@ from .beyond import Hint
 from .custom import Scored
 from .findings import Diagnosis, Rejected
 from .judgement import AT_FLOOR
-from .remainder import describe, loudest
+from .remainder import NO_LOOK, Remainder, describe, loudest
 from .search import Search
 from .steps import Step
 
@@ -60,12 +60,14 @@ def conclude(
     added = len(steps) > 1
     verdict = ("explained" if added else "adequate") if at_floor else ("partly_explained" if added else "unexplained")
     left = np.split(last.misfit.residual(last.vector), last.misfit.splits)
-    remainder = ""
+    remainder, look = "", NO_LOOK
     if not at_floor:
+        there = NO_LOOK if holds else _look(steps[-1].comparison)
+        look = there if search.at_floor else describe(last.plant, last.misfit.observations, left)
         size = f"{last.score.told(last.error)} of the {last.score.word}"
         when = f"most of it {moments}" if moments else ""
-        fitted = () if search.at_floor else (size, describe(last.plant, last.misfit.observations, left), when)
-        said = (*fitted, *said, "" if holds else _elsewhere(steps[-1].comparison), _other_curve(search))
+        fitted = () if search.at_floor else (size, look.said, when)
+        said = (*fitted, *said, "" if holds else _elsewhere(steps[-1].comparison, there), _other_curve(search))
         remainder = "; ".join(filter(None, said))
     following = None
     confusable = [(s.effect, other) for s in steps for other in s.confusable_with if s.effect]
@@ -82,7 +84,8 @@ def conclude(
         following = hint.experiment
     elif not at_floor:
         record, error = _loudest(search, steps[-1], left), steps[-1].validate_error
-        following = _to_write(rejected, own, error) or _to_isolate(rejected, record, error, _comes_back(steps[-1]))
+        following = _to_write(rejected, own, error)
+        following = following or _to_isolate(rejected, record, look, error, _comes_back(steps[-1]))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
     notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps, comparisons)) if line)
@@ -130,31 +133,47 @@ def _to_write(rejected: Sequence[Rejected], own: Sequence[Scored], error: float 
 
 
 def _to_isolate(
-    rejected: Sequence[Rejected], record: str, error: float | None = None, comes_back: bool = False
+    rejected: Sequence[Rejected],
+    record: str,
+    look: Remainder = NO_LOOK,
+    error: float | None = None,
+    comes_back: bool = False,
 ) -> str:
-    """What to measure where nothing known explains the rest: what the closest effect asks for, or the same again.
+    """What to measure where nothing known explains the rest: what its look asks for, or the closest effect where that
+    takes more of the rest than has the look; else the same again.
 
     Args:
         rejected: what was tried.
         record: that most of what remains stands in.
+        look: of what remains.
         error: of the validate records, of which an effect that is close takes something.
         comes_back: whether new records have it too.
     """
     near = [r for r in rejected if error is None or r.validate_error is None or r.validate_error < _CLOSER * error]
     likely = min(near, key=lambda r: r.p_value, default=None)
-    if likely is None or likely.p_value > _SAYS_NOTHING:
-        if comes_back:
-            return (
-                "Nothing known explains the rest, or comes close. New records have it too, so the machine does it each "
-                f"time: repeat {record} with one thing changed at a time, the place, the direction, the speed, the "
-                "load, the temperature. What it follows is its cause."
-            )
+    close = likely is not None and likely.p_value <= _SAYS_NOTHING
+    if look.experiment and (likely is None or not close or look.share > _taken(likely, error)):
+        return f"Nothing known explains the rest. To learn the cause of {look.experiment}"
+    if likely is not None and close:
+        experiment = lowered(effects.find(likely.effect).experiment)
+        return f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
+    if comes_back:
         return (
-            f"Nothing known explains the rest, or comes close. Measure {record} twice more in the same way: what comes "
-            "back is the machine's, what does not is noise or drift."
+            "Nothing known explains the rest, or comes close. New records have it too, so the machine does it each "
+            f"time: repeat {record} with one thing changed at a time, the place, the direction, the speed, the "
+            "load, the temperature. What it follows is its cause."
         )
-    experiment = lowered(effects.find(likely.effect).experiment)
-    return f"Nothing known explains the rest. {likely.effect} came closest: {experiment}"
+    return (
+        f"Nothing known explains the rest, or comes close. Measure {record} twice more in the same way: what comes "
+        "back is the machine's, what does not is noise or drift."
+    )
+
+
+def _taken(tried: Rejected, error: float | None) -> float:
+    """Share of the square that is left of new records, which an effect that was tried takes; 0 where none were told."""
+    if error is None or tried.validate_error is None:
+        return 0.0
+    return 1 - (tried.validate_error / error) ** 2
 
 
 def _as_good(step: Step, negligible: float) -> bool:
@@ -194,7 +213,7 @@ def _unseen(comparison: Comparison | None, negligible: float) -> str:
         return ""
     error, floor = comparison.determined
     if error > AT_FLOOR * floor:
-        return f"Left is {_elsewhere(comparison)}"
+        return f"Left is {_elsewhere(comparison, _look(comparison))}"
     share = 1 - (error / comparison.error) ** 2
     return (
         f"Of the square that is left of the records that were not fitted {100 * share:.0f} % is where the axis moves "
@@ -222,7 +241,15 @@ def _contradicted(steps: Sequence[Step], comparisons: Sequence[Comparison]) -> s
     )
 
 
-def _elsewhere(comparison: Comparison | None) -> str:
+def _look(comparison: Comparison | None) -> Remainder:
+    """The look of what is left of the records that were not fitted."""
+    runs = comparison.records if comparison else ()
+    if comparison is None or not runs:
+        return NO_LOOK
+    return describe(comparison.plant, [r.observation for r in runs], [r.residual for r in runs])
+
+
+def _elsewhere(comparison: Comparison | None, look: Remainder) -> str:
     """What is left of the records that were not fitted, and where that stands."""
     if comparison is None:
         return ""
@@ -231,9 +258,7 @@ def _elsewhere(comparison: Comparison | None) -> str:
     size = f"{score.told(comparison.error)} of the {score.word} of the records that were not fitted"
     if error > AT_FLOOR * floor:
         size += f", {error / floor:.2g} times what noise leaves"
-    runs = comparison.records
-    where = describe(comparison.plant, [r.observation for r in runs], [r.residual for r in runs]) if runs else ""
-    return "; ".join(filter(None, (size, where)))
+    return "; ".join(filter(None, (size, look.said)))
 
 
 def _other_curve(search: Search) -> str:

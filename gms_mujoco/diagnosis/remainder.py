@@ -1,9 +1,10 @@
-"""What is left over looks like this: a sentence about a residual that nobody has named."""
+"""What is left over looks like this: a sentence about a residual that nobody has named, and what tells its cause."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -17,7 +18,37 @@ from ..identification.servo_observation import ServoObservation, errors_of
 from ..plant import Plant
 
 Array = NDArray[np.float64]
-Reading = tuple[float, str]  # the share of the square that it carries, and what is said of it
+
+
+class Reading(NamedTuple):
+    """One look of what is left.
+
+    Attributes:
+        share: of the square, that it carries.
+        said: of it.
+        experiment: that tells what it is; empty where the words say it.
+    """
+
+    share: float
+    said: str = ""
+    experiment: str = ""
+
+
+class Remainder(NamedTuple):
+    """What is left over.
+
+    Attributes:
+        said: where it stands, and what it looks like; empty where it stands nowhere in particular.
+        share: of its square, that its most telling look carries.
+        experiment: that tells what has that look; empty where it has none.
+    """
+
+    said: str = ""
+    share: float = 0.0
+    experiment: str = ""
+
+
+NO_LOOK = Remainder()
 
 _NOTABLE = 0.25  # of the squared residual
 _DENSER = 3  # odds of the squared residual over odds of the time
@@ -33,15 +64,39 @@ _RECORDS_TOLD, _TOLD = 3, 6  # of those instants: records, and instants of each
 _PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic, or to follow anything
 
+_IN_TIME = (
+    "what is periodic in time: the axis at rest with the drive on, and then off, with whatever runs beside it on and "
+    "off, and the same run at another sampling rate."
+)
+_AT_PLACES = (
+    "what is tied to the place: slow runs at three constant speeds or more over the same turns, in both directions. "
+    "What stays the same is a torque, what turns over with the direction friction, and what grows with the speed an "
+    "error of the reading or an inertia."
+)
+_ELSEWHERE = "what follows the place of another joint: slow runs of that joint while this one is held, and the reverse."
+_AT_SPEEDS = (
+    "what is tied to the speed: constant speeds in both directions, evenly up to the highest that is used, slowly up "
+    "and down again. Where up and down differ it remembers."
+)
+_JUMPS = "what jumps: the same run three times in a row. It comes back at that instant, at that place, or not at all."
+_WANDERS = "what changes in the course of a record: one run twice, cold and after an hour of use."
+_BETWEEN_RECORDS = (
+    "what is another in each record: one run again after each of the others, unchanged, with the temperature and all "
+    "that was mounted written down."
+)
+_AT_REVERSALS = "what stands at reversals: reversals at several accelerations, with rests of several lengths between."
+_ONE_WAY = "what stands in one direction: the same run mirrored, and the axis mounted the other way round."
+_IN_COUNTS = "what the encoder does not resolve: a finer encoder, or motions of many more counts."
+_RARELY = "what stands at few instants: the same run twice more. What comes back is the machine's."
+
 
 def loudest(seen: Sequence[Seen], parts: Sequence[Array]) -> str:
     """Name of the observation that most of what is left, a part (m,) of each, stands in."""
     return str(seen[int(np.argmax([float(p @ p) for p in parts]))].name)
 
 
-def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
-    """Where what a plant leaves stands: in which record, at which frequency, place, speed or instant; empty where it
-    stands nowhere in particular.
+def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> Remainder:
+    """Where what a plant leaves stands: in which record, at which frequency, place, speed or instant.
 
     Args:
         plant: that leaves it.
@@ -51,10 +106,10 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
     energy = np.array([float(p @ p) for p in parts])
     total = float(energy.sum())
     if total <= 0:
-        return ""
+        return NO_LOOK
     servos = [o for o in seen if isinstance(o, ServoObservation)]
     if servos:
-        return _of_servo(servos, parts)
+        return Remainder(_of_servo(servos, parts))
     observations = [o for o in seen if not isinstance(o, ServoObservation)]
     said = []
 
@@ -64,8 +119,17 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
 
     o, r = observations[worst], parts[worst]
     if isinstance(o, FrfObservation):
-        return "; ".join([*said, _where(o, r)])
+        return Remainder("; ".join([*said, _where(o, r)]))
     runs = [(o, p) for o, p in zip(observations, parts, strict=True) if isinstance(o, Observation)]
+    looks = _looks(runs, o, r, total, plant)
+    most = max(looks, key=lambda look: look.share * bool(look.experiment), default=Reading(0.0))
+    return Remainder("; ".join([*said, *(look.said for look in looks)]), most.share, most.experiment)
+
+
+def _looks(
+    runs: Sequence[tuple[Observation, Array]], o: Observation, r: Array, total: float, plant: Plant
+) -> list[Reading]:
+    """All that is worth telling of what is left of records, (m,) of each, of which one is the loudest."""
     position = np.concatenate([o.position[o.index] for o, _ in runs])
     velocity = np.concatenate([o.velocity[o.index] for o, _ in runs])
     residual = np.concatenate([p for _, p in runs])
@@ -82,41 +146,43 @@ def describe(plant: Plant, seen: Sequence[Seen], parts: Sequence[Array]) -> str:
         _periodic(o, r),
         _in_waves(position, residual, factors, plant.kind, alone),
         tied := _tied(position, residual, factors, plant.kind),
-        _to_neighbour(runs, residual, tied[0]),
-        (share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})"),
+        _to_neighbour(runs, residual, tied.share),
+        Reading(share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})",
+                _AT_SPEEDS),
         jump := _jump(runs, total),
-        _wandering(runs, total, jump[0]),
+        _wandering(runs, total, jump.share),
         _apart(runs, total, plant),
-    ]
-    least = max(_NOTABLE, _BESIDE * max((share for share, _ in readings), default=0.0))
-    said += [text for share, text in readings if share > least]
+    ]  # fmt: skip
+    least = max(_NOTABLE, _BESIDE * max((look.share for look in readings), default=0.0))
+    looks = [look for look in readings if look.share > least]
     slow = np.abs(velocity) < 0.02 * np.sqrt(np.mean(velocity**2))
     blind = float(np.sum(residual[~np.concatenate([x.determined for x, _ in runs])] ** 2)) / total
     forward, backward = velocity > 0, velocity < 0
     fast = np.abs(velocity) > 0.7 * np.abs(velocity).max(initial=0.0)
-    for where, what in (
-        (slow, "around standstill and reversals"),
-        (forward & ~slow, "while moving forward"),
-        (backward & ~slow, "while moving backward"),
-        (fast & ~slow, "at high speed"),
+    for where, what, experiment in (
+        (slow, "around standstill and reversals", _AT_REVERSALS),
+        (forward & ~slow, "while moving forward", _ONE_WAY),
+        (backward & ~slow, "while moving backward", _ONE_WAY),
+        (fast & ~slow, "at high speed", _AT_SPEEDS),
     ):
         share, time = float(np.sum(residual[where] ** 2)) / total, float(np.mean(where))
         if share > _NOTABLE and share * (1 - time) > _DENSER * time * (1 - share):
-            said.append(f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)")
+            looks.append(Reading(share, f"{what} ({100 * share:.0f} % in {100 * time:.0f} % of the time)", experiment))
     if blind > _NOTABLE:
-        said.append(f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)")
-    said += _course(runs, plant) + _hiss(runs)
+        said = f"where the axis moves less than its encoder resolves ({100 * blind:.0f} %)"
+        looks.append(Reading(blind, said, _IN_COUNTS))
+    looks += _course(runs, plant) + _hiss(runs)
 
-    sharpest = np.argsort(r**2)[::-1][: max(len(r) // 200, 1)]
-    burst = float(np.sum(r[sharpest] ** 2) / energy[worst])
-    if burst > 0.5 and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
-        said.append(f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}")
-    else:
-        said += instants
-    return "; ".join(said)
+    square = r**2
+    sharpest = np.argsort(square)[::-1][: max(len(r) // 200, 1)]
+    burst = float(np.sum(square[sharpest]))
+    if burst > 0.5 * np.sum(square) and np.ptp(o.time[sharpest]) < 0.1 * np.ptp(o.time):
+        said = f"at one instant, {float(np.median(o.time[sharpest])):.3g} s in {o.record.name}"
+        return [*looks, Reading(burst / total, said, _RARELY)]
+    return [*looks, *instants]
 
 
-def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[list[str], int]:
+def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[list[Reading], int]:
     """The few instants at which most of what is left stands, of the loudest records, and how many there are; nothing
     where it is all over."""
     moments = [_moment(o) for o, _ in runs]
@@ -139,7 +205,8 @@ def _instants(runs: Sequence[tuple[Observation, Array]], total: float) -> tuple[
         told.append(f"{times} s in {o.record.name}")
     share, time = energy[chosen].sum() / total, some / energy.size
     where = ", ".join(told[:_RECORDS_TOLD]) + (", and others" if len(loud) > _RECORDS_TOLD else "")
-    return [f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {where}"], n
+    said = f"at few instants ({100 * share:.0f} % in {100 * time:.2g} % of the time): {where}"
+    return [Reading(share, said, _RARELY)], n
 
 
 def _moment(o: Observation) -> NDArray[np.intp]:
@@ -202,8 +269,8 @@ def _periodic(o: Observation, r: Array) -> Reading:
     peak = int(np.argmax(power[0, first:])) + first
     share, of_motion = power[:, max(peak - 1, 0) : peak + 2].sum(1) / np.maximum(power.sum(1), 1e-300)
     if (peak == first and power[0, peak - 1] > power[0, peak]) or of_motion > _NOTABLE:  # the foot of a slower one
-        return 0.0, ""
-    return float(share), f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})"
+        return Reading(0.0)
+    return Reading(float(share), f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})", _IN_TIME)
 
 
 def _in_waves(
@@ -216,7 +283,8 @@ def _in_waves(
     hinge = kind == "hinge"
     every = f"{period:.3g} rad, {2 * math.pi / period:.3g} to a revolution" if hinge else f"{period:.3g} m"
     lone = ", which a second record to fit would hold to the place" if alone and not hinge else ""
-    return share, f"in waves over the place{factor}, one every {every} ({_percent(share)}){lone}"
+    said = f"in waves over the place{factor}, one every {every} ({_percent(share)}){lone}"
+    return Reading(share, said, _AT_PLACES)
 
 
 def _tied(position: Array, residual: Array, factors: Mapping[str, Array], kind: str) -> Reading:
@@ -228,7 +296,7 @@ def _tied(position: Array, residual: Array, factors: Mapping[str, Array], kind: 
     there, share = tied[factor]
     unit = "rad" if kind == "hinge" else "m"
     part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {unit}" if there else ""
-    return share, f"tied to the {what}{factor} ({_percent(share)}{part})"
+    return Reading(share, f"tied to the {what}{factor} ({_percent(share)}{part})", _AT_PLACES)
 
 
 def _to_neighbour(runs: Sequence[tuple[Observation, Array]], residual: Array, own: float) -> Reading:
@@ -241,8 +309,8 @@ def _to_neighbour(runs: Sequence[tuple[Observation, Array]], residual: Array, ow
         shares[name] = _explained(there, residual, np.ones_like(residual))[1]
     most = max(shares, key=shares.__getitem__, default="")
     if not most or shares[most] < own + _CLEARLY:
-        return 0.0, ""
-    return shares[most], f"tied to the position of {most} ({_percent(shares[most])})"
+        return Reading(0.0)
+    return Reading(shares[most], f"tied to the position of {most} ({_percent(shares[most])})", _ELSEWHERE)
 
 
 def _jump(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
@@ -255,7 +323,7 @@ def _jump(runs: Sequence[tuple[Observation, Array]], total: float) -> Reading:
         inner = slice(len(n) // 10, len(n) - len(n) // 10)
         at = int(np.argmax(share[inner])) + inner.start
         most, when, name = max((most, when, name), (float(share[at]), float(o.time[at]), o.record.name))
-    return most, f"a jump at {when:.3g} s in {name} ({_percent(most)})"
+    return Reading(most, f"a jump at {when:.3g} s in {name} ({_percent(most)})", _JUMPS)
 
 
 def _wandering(runs: Sequence[tuple[Observation, Array]], total: float, jump: float) -> Reading:
@@ -263,11 +331,12 @@ def _wandering(runs: Sequence[tuple[Observation, Array]], total: float, jump: fl
     parts = [p for _, r in runs if len(r) > _PARTS for p in np.array_split(r - r.mean(), _PARTS)]
     share = sum(len(p) * float(p.mean()) ** 2 for p in parts) / total
     if share <= jump:
-        return 0.0, ""
-    return share, f"as by an offset of the torque that wanders in the course of a record ({_percent(share)})"
+        return Reading(0.0)
+    said = f"as by an offset of the torque that wanders in the course of a record ({_percent(share)})"
+    return Reading(share, said, _WANDERS)
 
 
-def _course(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[str]:
+def _course(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[Reading]:
     """That the residual grows or fades in the course of a record, by itself and beside the torque."""
 
     def thirds(parts: Sequence[Array]) -> Array:
@@ -276,9 +345,9 @@ def _course(runs: Sequence[tuple[Observation, Array]], plant: Plant) -> list[str
     left, torque = thirds([r for _, r in runs]), thirds([o.applied(plant) for o, _ in runs])
     share = left / np.maximum(torque, 1e-300)
     if all(x[2] > 3 * x[0] and x[2] > x[1] for x in (left, share)):
-        return ["growing with time"]
+        return [Reading(0.0, "growing with time")]
     if all(x[0] > 3 * x[2] and x[0] > x[1] for x in (left, share)):
-        return ["fading with time"]
+        return [Reading(0.0, "fading with time")]
     return []
 
 
@@ -301,15 +370,16 @@ def _apart(runs: Sequence[tuple[Observation, Array]], total: float, plant: Plant
         found.append((apart, share, what, size))
     apart, share, what, size = max(found, key=lambda f: f[0])
     if apart < _NOTABLE:  # it is the same in all
-        return 0.0, ""
+        return Reading(0.0)
     k = int(np.argmax(np.abs(size)))
     unit = "N m" if plant.kind == "hinge" else "N"
     by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
     name = runs[k][0].record.name
-    return share, f"as by {what} that is another in each record ({_percent(share)}, {by} in {name})"
+    said = f"as by {what} that is another in each record ({_percent(share)}, {by} in {name})"
+    return Reading(share, said, _BETWEEN_RECORDS)
 
 
-def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
+def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[Reading]:
     """That the residual follows the torque at once where that changes fast, while the axis slides.
 
     A delay or a lag leaves what runs ahead of the torque, a swinging part what has its own frequency.
@@ -324,10 +394,11 @@ def _hiss(runs: Sequence[tuple[Observation, Array]]) -> list[str]:
     both, own, other = float(u @ r), float(u @ u), float(r @ r)
     if both <= _FOLLOWS * own or both**2 < _MOSTLY * own * other:
         return []
-    return [
+    said = (
         f"{100 * both / own:.0f} % of what the torque reads at the upper end of the band, which does not move the "
         "axis: noise of the reading, or torque between the rows of a log that is slower than its controller"
-    ]
+    )
+    return [Reading(0.0, said)]
 
 
 def _loudest(shares: Mapping[str, float]) -> str:

@@ -1,5 +1,6 @@
 """What is left over: where it stands is said in words that fit the residual."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ def _left(plant: Plant, records: list[Record]) -> tuple[list[Seen], list[np.ndar
 
 
 def _of(plant: Plant, records: list[Record]) -> str:
-    return describe(plant, *_left(plant, records))
+    return describe(plant, *_left(plant, records)).said
 
 
 def _with(records: list[Record], torque: np.ndarray, which: tuple[int, ...] = (0, 1, 2)) -> list[Record]:
@@ -226,3 +227,19 @@ def test_what_fades_as_the_torque_does_is_not_said_to(records: list[Record]) -> 
     assert "fading with time" in _of(HEALTHY, _with(records, fading * noise))
     driven = [replace(r, signals={**r.signals, "torque": fading * r.torque}) for r in records]
     assert "fading with time" not in _of(HEALTHY, driven)
+
+
+@pytest.mark.parametrize(
+    ("torque", "subject"),
+    [
+        (lambda r, k: 0.2 * LEVEL * np.sin(2 * np.pi * 12 * T), "what is periodic in time"),
+        (lambda r, k: 0.2 * LEVEL * np.sin(20 * r.position), "what is tied to the place"),
+        (lambda r, k: 0.5 * LEVEL * (T > 1.6) * (k == 1), "what jumps"),
+    ],
+)
+def test_what_it_looks_like_says_what_to_measure(
+    records: list[Record], torque: Callable[[Record, int], np.ndarray], subject: str
+) -> None:
+    told = [replace(r, signals={**r.signals, "torque": r.torque + torque(r, k)}) for k, r in enumerate(records)]
+    left = describe(HEALTHY, *_left(HEALTHY, told))
+    assert left.experiment.startswith(subject) and left.share > 0.25
