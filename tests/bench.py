@@ -1,6 +1,7 @@
 """A simulated bench for the tests of the measuring side: a small servo axis and short runs of it."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.effect import Effect
 from gms_mujoco.excitation import multisine
+from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.misfit import Misfit
@@ -46,8 +48,8 @@ REGIMES = ((1.0, 60.0, 0.4), (0.5, 40.0, 1.5), (0.3, 15.0, 4.0))
 
 
 def slow(*values: object) -> list[object]:
-    """Values of a parameter of a test that the usual run leaves out."""
-    return [pytest.param(value, marks=pytest.mark.slow) for value in values]
+    """Values of a parameter of a test, or tuples of those of several, that the usual run leaves out."""
+    return [pytest.param(*(v if isinstance(v, tuple) else (v,)), marks=pytest.mark.slow) for v in values]
 
 
 def run(plant: Plant, torque: np.ndarray, seed: int = 0, sample_time: float = SAMPLE_TIME, **bench: object) -> Record:
@@ -66,6 +68,12 @@ def runs(plant: Plant, use: str = "fit", seconds: float = 3.0, seed: int = 0, **
         noise = int(rng.integers(2**31))
         out.append(run(plant, torque, noise, position=start, name=f"{use}_{i}", use=use, **bench))
     return out
+
+
+@cache
+def baseline_fit(hidden: str = "") -> FitResult:
+    """The fit of the baseline to runs of the healthy axis, or of one with a hidden effect."""
+    return fit(UNKNOWN, runs(HEALTHY + HIDDEN[hidden] if hidden else HEALTHY))
 
 
 def fitted_sticking(plant: Plant, seed: int) -> FitResult:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from gms_mujoco import engine
+from gms_mujoco.effects import Coulomb, Delay, PositionLoop, Viscous
 from gms_mujoco.identification.servo_observation import STEP
 from gms_mujoco.plant import Plant
 from gms_mujoco.servo_run import ServoRun
@@ -18,6 +19,10 @@ INERTIA, FRICTION, DAMPING = 0.02, 0.12, 0.04  # kg m^2, N m, N m s/rad
 DELAY = 0.02  # s
 SAMPLE = 0.02  # s
 NOISE = 1e-3  # rad
+
+LOOP = PositionLoop(stall_torque=STALL, electrical_drag=DRAG, goal_speed=SPEED, duty_per_rad=DUTY)
+POOR = Plant(INERTIA, (LOOP, Coulomb(coulomb=FRICTION), Viscous(coefficient=DAMPING)))
+TRUE = POOR + Delay(time=DELAY)
 
 
 def run(goal, powered=None, gain=16.0, start=0.2, step=0.01, name="made", load=1.0, use="fit") -> ServoRun:

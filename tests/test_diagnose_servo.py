@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import servos
-import test_compare_servo as known
 
 from gms_mujoco import cli
 from gms_mujoco.dataset import load, save
@@ -47,22 +46,22 @@ def test_what_is_found_is_told_in_radians(servo_diagnosis: Diagnosis) -> None:
 
 def test_a_servo_that_has_all_it_needs_is_adequate(tmp_path: Path) -> None:
     save(tmp_path, servos.bench(delay=0.0))
-    found = diagnose(load(tmp_path), known.POOR)
+    found = diagnose(load(tmp_path), servos.POOR)
     assert found.verdict == "adequate" and not found.found
 
 
 def test_what_is_known_not_to_be_there_is_not_looked_at(servo_set: Path) -> None:
-    names = tuple(e.name for e in applicable(known.POOR, observe(load(servo_set).fit)))
+    names = tuple(e.name for e in applicable(servos.POOR, observe(load(servo_set).fit)))
     assert {"delay", "least_duty", "load_dependent_friction", "spring"} <= set(names) and "gms" not in names
-    found = diagnose(load(servo_set), known.POOR, without=names)
+    found = diagnose(load(servo_set), servos.POOR, without=names)
     assert not found.found and not found.candidates and found.verdict == "unexplained"
     with pytest.raises(ModelError, match="no effect is called 'springs'"):
-        diagnose(load(servo_set), known.POOR, without=["springs"])
+        diagnose(load(servo_set), servos.POOR, without=["springs"])
 
 
 def test_a_torque_of_ones_own_is_no_candidate_for_a_servo(servo_set: Path) -> None:
     with pytest.raises(DataError, match="a servo's log has no torque"):
-        diagnose(load(servo_set), known.POOR, candidates=[lambda t, q, v: q])
+        diagnose(load(servo_set), servos.POOR, candidates=[lambda t, q, v: q])
 
 
 def test_the_commands_serve_a_servo_as_any_axis(
@@ -96,5 +95,5 @@ def test_what_is_found_attaches_to_mujoco_as_a_motor_whose_control_is_the_goal(s
     spec = servos.pendulum(servos.INERTIA)
     servo_diagnosis.plant.attach(spec, joint="j")
     assert [a.name for a in spec.actuators] == ["j"] and spec.actuators[0].delay > 0
-    truth = servos.in_mujoco(known.TRUE, r)
+    truth = servos.in_mujoco(servos.TRUE, r)
     assert np.mean(np.abs(moved - truth)) < 0.01 < np.ptp(truth)

@@ -713,7 +713,7 @@ def test_without_a_screen_it_is_told_where_the_run_may_go(monkeypatch):
 
 
 def test_a_run_is_streamed_to_rerun_with_friction_reference_and_position(tmp_path):
-    from test_scene import read
+    from recordings import series
 
     env = gym.make(IDS[0], render_mode="human", recording=tmp_path / "run.rrd", episode_steps=300).unwrapped
     torques = []
@@ -724,7 +724,7 @@ def test_a_run_is_streamed_to_rerun_with_friction_reference_and_position(tmp_pat
             torques.append(env.friction)
     env.close()
     env.close()
-    seen = read(tmp_path / "run.rrd")
+    seen = series(tmp_path / "run.rrd")
     time, torque = seen["/friction/shaft/torque"]
     assert len(time) == 2 * (1 + 200 // 5) and np.all(np.diff(time) > 0)  # 400 looks a second, one after each reset
     np.testing.assert_allclose(torque[1:41], torques[4:200:5])

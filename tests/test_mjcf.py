@@ -8,7 +8,7 @@ import pytest
 from bench import HEALTHY, HIDDEN, in_mujoco
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from test_coordinates import every_effect, some_plant
+from strategies import every_effect, some_plant
 
 from gms_mujoco import effects, engine
 from gms_mujoco.errors import ModelError

@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import HEALTHY, UNKNOWN, runs
+from bench import baseline_fit
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_coordinates import every_effect, some_plant
+from strategies import every_effect, some_plant
 
 import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.errors import DataError, ModelError
-from gms_mujoco.fit import fit
 from gms_mujoco.fit_result import FitResult
 from gms_mujoco.identification.coordinates import Coordinates
 from gms_mujoco.plant import Plant
@@ -21,7 +20,7 @@ from gms_mujoco.sampling import sample
 
 @pytest.fixture(scope="module")
 def fitted() -> FitResult:
-    return fit(UNKNOWN, runs(HEALTHY))
+    return baseline_fit()
 
 
 def encoded(plants: list[Plant]) -> np.ndarray:

@@ -10,21 +10,16 @@ import servos
 from gms_mujoco.compare import compare
 from gms_mujoco.comparison.compare_servo import REGIMES
 from gms_mujoco.dataset import load
-from gms_mujoco.effects import Coulomb, Delay, PositionLoop, Viscous
+from gms_mujoco.effects import Coulomb
 from gms_mujoco.errors import DataError, ModelError
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
 
-LOOP = PositionLoop(stall_torque=servos.STALL, electrical_drag=servos.DRAG, goal_speed=servos.SPEED,
-                    duty_per_rad=servos.DUTY)  # fmt: skip
-POOR = Plant(servos.INERTIA, (LOOP, Coulomb(coulomb=servos.FRICTION), Viscous(coefficient=servos.DAMPING)))
-TRUE = POOR + Delay(time=servos.DELAY)
-
 
 def test_the_error_is_the_mean_absolute_one_of_the_simulated_position(servo_set: Path) -> None:
     runs = load(servo_set)
-    c = compare(POOR, runs.all)
-    left = [r.position - simulate(POOR, r).position for r in runs.servos]
+    c = compare(servos.POOR, runs.all)
+    left = [r.position - simulate(servos.POOR, r).position for r in runs.servos]
     assert [r.position_error for r in c.servos] == pytest.approx([np.mean(np.abs(e)) for e in left])
     assert c.position_error == c.error == pytest.approx(np.mean(np.abs(left)))
     assert c.servos[0].simulation_error == pytest.approx(np.std(left[0]) / np.std(runs.servos[0].position), rel=0.1)
@@ -32,14 +27,14 @@ def test_the_error_is_the_mean_absolute_one_of_the_simulated_position(servo_set:
 
 
 def test_the_true_servo_is_at_the_floor_and_one_without_its_delay_is_not(servo_set: Path) -> None:
-    poor, true = (compare(p, load(servo_set).all) for p in (POOR, TRUE))
+    poor, true = (compare(p, load(servo_set).all) for p in (servos.POOR, servos.TRUE))
     assert true.error < 1.4 * true.noise_floor < poor.error
     assert true.noise_floor == pytest.approx(poor.noise_floor) == pytest.approx(1e-3 * np.sqrt(2 / np.pi), rel=0.1)
     assert "mostly with velocity" in poor.where  # what comes late is behind in proportion to it
 
 
 def test_what_is_told_has_its_unit(servo_set: Path) -> None:
-    c = compare(POOR, load(servo_set).all)
+    c = compare(servos.POOR, load(servo_set).all)
     table = c.to_dict()
     assert (table["error_of"], table["error_unit"]) == ("position", "rad")
     assert table["torque_error"] is None and table["position_error"] == c.position_error
@@ -54,7 +49,7 @@ def test_what_is_told_has_its_unit(servo_set: Path) -> None:
 def test_a_run_rests_moves_or_is_without_power(servo_set: Path) -> None:
     r = load(servo_set).servos[2]
     off = replace(r, powered=np.where(r.time > 1.5, 0.0, 1.0))
-    c = compare(POOR, [off])
+    c = compare(servos.POOR, [off])
     where = c.servos[0].regime
     assert (where[r.time > 1.5] == REGIMES.index("without power")).all()
     assert {g.name for g in c.regimes} == set(REGIMES)
@@ -67,6 +62,6 @@ def test_a_plant_and_data_that_do_not_belong_together_are_refused(servo_set: Pat
     with pytest.raises(ModelError, match=r"needs a plant with position_loop"):
         compare(torque_driven, runs)
     with pytest.raises(ModelError, match="takes a goal, not a torque"):
-        compare(TRUE, records)
+        compare(servos.TRUE, records)
     with pytest.raises(DataError, match="cannot stand beside records of torque"):
-        compare(TRUE, [*runs, *records])
+        compare(servos.TRUE, [*runs, *records])

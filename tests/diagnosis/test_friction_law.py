@@ -3,6 +3,7 @@
 import math
 import sys
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -54,11 +55,10 @@ CREEPS = Plant.axis(J) + effects.Viscous(coefficient=2e-5) + effects.Stribeck(
 AND_WHAT_IT_HIDES = pytest.mark.parametrize("hidden", ["", "cogging"])
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[str, Diagnosis]:
-    """What an axis with one bristle is found to be, bare and with a hidden effect, from the default baseline."""
-    hidden = {"": BRISTLE, "cogging": BRISTLE + HIDDEN["cogging"]}
-    return {name: diagnose(dataset(plant, SECONDS)) for name, plant in hidden.items()}
+@cache
+def found(hidden: str) -> Diagnosis:
+    """What an axis with one bristle is found to be, bare or with a hidden effect, from the default baseline."""
+    return diagnose(dataset(BRISTLE + HIDDEN[hidden] if hidden else BRISTLE, SECONDS))
 
 
 def test_the_law_of_a_plant_is_a_choice_where_it_has_one() -> None:
@@ -127,8 +127,9 @@ def test_beside_another_law_a_search_is_as_patient_as_at_first() -> None:
     assert "in the place of gms: with it and torque_offset the torque error falls from" in law.said
 
 
-def test_an_axis_with_one_bristle_is_healthy(found: dict[str, Diagnosis]) -> None:
-    d = found[""]
+@pytest.mark.slow
+def test_an_axis_with_one_bristle_is_healthy() -> None:
+    d = found("")
     assert d.verdict == "adequate" and not d.found
     assert [e.name for e in d.plant.effects] == ["lugre", "viscous"]
     assert d.steps[0].validate_error <= 1.3 * d.noise_floor
@@ -231,17 +232,18 @@ def test_another_reading_of_the_law_is_searched_with_where_it_plainly_promises_m
     assert may_follow_the_letter(search) and not may_follow_the_letter(letter)
 
 
-def test_what_it_hides_is_named_beside_its_own_law(found: dict[str, Diagnosis]) -> None:
-    d = found["cogging"]
+def test_what_it_hides_is_named_beside_its_own_law() -> None:
+    d = found("cogging")
     assert d.verdict == "explained" and [e.name for e in d] == ["cogging"] and "lugre" in d.plant
     np.testing.assert_allclose(d.found[0].amplitude, HIDDEN["cogging"].amplitude, rtol=0.05)
 
 
-@pytest.mark.parametrize("name", ["", "cogging"])
-def test_the_choice_is_told_wherever_the_steps_are(found: dict[str, Diagnosis], name: str) -> None:
-    said = found[name].to_dict()["steps"][0]["evidence"]
+@pytest.mark.parametrize("hidden", ["cogging", *slow("")])
+def test_the_choice_is_told_wherever_the_steps_are(hidden: str) -> None:
+    d = found(hidden)
+    said = d.to_dict()["steps"][0]["evidence"]
     assert said.startswith("lugre describes the friction, in the place of gms") and "p = " in said
-    assert said in str(found[name]) and said[1:] in render(found[name])
+    assert said in str(d) and said[1:] in render(d)
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """Two effects of which neither earns its place alone."""
 
 import pytest
-from bench import LEVEL, J, runs, slow
+from bench import LEVEL, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.diagnosis.joint_fits import JointFits
@@ -21,7 +21,8 @@ UNKNOWN = Plant.axis(J) + effects.LuGre() + effects.Viscous()
 OTHERS = [effects.TorqueOffset, effects.Spring, effects.Gravity]
 
 
-@pytest.mark.parametrize("seed", [0, *slow(4)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 4])
 def test_an_asymmetry_and_an_offset_that_cancel_while_the_axis_slides_are_found(seed: int) -> None:
     """In another form of the asymmetry at first, in which it does something else alone. Runs of 6 s tell in three of
     the seeds 0 to 4: of 1 and 2 no linear refit beside it is sure of the offset, and the fit of 3 ends short."""

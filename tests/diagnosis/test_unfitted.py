@@ -16,6 +16,7 @@ def without_fast(runs: Dataset, regimes: tuple[str, ...] = ("0", "1")) -> Datase
     return replace(runs, records=tuple(r for r in runs.records if r.use == "validate" or r.name[-1] in regimes))
 
 
+@pytest.mark.slow
 def test_an_effect_that_only_new_records_show_is_said_and_not_added() -> None:
     d = diagnose(without_fast(dataset(HEALTHY + effects.TorqueSaturation(limit=6 * LEVEL))), UNKNOWN)
     assert not d.found and d.verdict == "unexplained"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, SAMPLE_TIME, J, runs
+from bench import HEALTHY, LEVEL, REGIMES, SAMPLE_TIME, J, runs, slow
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -59,7 +59,7 @@ def test_torques_measured_after_they_acted_are_none_either() -> None:
     assert steps_of(found.misfit.observations) is None and "before their rows" in found.habit
 
 
-@pytest.mark.parametrize("rows", [2, 3, 5])
+@pytest.mark.parametrize("rows", [3, *slow(2, 5)])
 def test_torques_that_came_late_over_a_bus_are_taken_when_they_acted(rows: int) -> None:
     def late(r: Record) -> Record:
         return replace(r, signals={**r.signals, "torque": np.append(np.full(rows, r.torque[0]), r.torque[:-rows])})

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, UNKNOWN, J, runs
+from bench import J, baseline_fit, runs
 
 from gms_mujoco import effects
 from gms_mujoco.fit import fit
@@ -16,7 +16,7 @@ from gms_mujoco.plant import Plant
 
 @pytest.mark.parametrize("name", ["", "cogging", "delay"])
 def test_cross_validation_leaves_at_least_what_the_fit_left(name: str) -> None:
-    found = fit(UNKNOWN, runs(HEALTHY + HIDDEN[name] if name else HEALTHY))
+    found = baseline_fit(name)
     residual = found.misfit.residual(found.vector)
     held_out = cross_validated(found.misfit, found.vector)
     assert len(held_out.rows) == len(residual)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, run, runs
+from bench import HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, baseline_fit, run, runs
 
 from gms_mujoco import effects
 from gms_mujoco.excitation import multisine
@@ -30,7 +30,7 @@ def screened() -> dict[str, tuple[FitResult, dict[str, Candidate]]]:
     """The fit of the baseline to each axis, and every candidate; "" is the healthy one."""
     out = {}
     for name in ("", *HIDDEN):
-        found = fit(UNKNOWN, runs(HEALTHY + HIDDEN[name] if name else HEALTHY))
+        found = baseline_fit(name)
         screen = Screen(found.misfit, found.vector)
         candidates = [c for c in map(screen.candidate, applicable(found.plant)) if c]
         out[name] = found, {c.effect.name: c for c in candidates}

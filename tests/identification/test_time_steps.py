@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, in_mujoco, runs
+from bench import HEALTHY, LEVEL, REGIMES, TORQUE_NOISE, J, in_mujoco, runs, slow
 
 import gms_mujoco as gms
 from gms_mujoco import effects
@@ -64,7 +64,7 @@ def test_the_steps_of_a_simulation_are_followed_to_the_last_digits(law: str, aft
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("after", [False, True])
+@pytest.mark.parametrize("after", [True, *slow(False)])
 def test_a_fit_finds_out_that_rows_are_time_steps_and_tells_it(law: str, after: bool) -> None:
     data = logged(model(law), after, noise=TORQUE_NOISE)
     found = fit(Plant.axis(J) + LAWS[law] + effects.Viscous(), data.fit)

@@ -6,30 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 import rerun as rr
-from recordings import last_values
-from rerun.chunk import RrdReader
+from recordings import last_values, series
 
 import gms_mujoco as gms
 from gms_mujoco.views.scene import Scene, joints_with_friction
 
 STEPS = 100
-
-
-def read(file: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """(n,) times [s] and (n, ...) values of each entity that changes."""
-    found: dict[str, list[tuple[float, object]]] = {}
-    for chunk in RrdReader(file).stream().collect().stream():
-        batch = chunk.to_record_batch()
-        if "time" not in batch.schema.names:
-            continue
-        seconds = batch.column("time").cast("int64").to_numpy(zero_copy_only=False) * 1e-9
-        for name in batch.schema.names:
-            if name.split(":")[-1] in ("scalars", "translation", "state"):
-                rows = batch.column(name).to_pylist()
-                pairs = ((t, v[0]) for t, v in zip(seconds, rows, strict=True) if v)
-                found.setdefault(chunk.entity_path, []).extend(pairs)
-    ordered = {k: sorted(v, key=lambda p: p[0]) for k, v in found.items()}
-    return {k: (np.array([t for t, _ in v]), np.array([x for _, x in v])) for k, v in ordered.items()}
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +38,7 @@ def _fall(model: mujoco.MjModel, to: Path | rr.RecordingStream, rate: float = 1e
 
 def test_a_recording_has_the_numbers_of_the_simulation(arm: mujoco.MjModel, tmp_path: Path) -> None:
     truth = np.array(_fall(arm, tmp_path / "arm.rrd"))
-    seen = read(tmp_path / "arm.rrd")
+    seen = series(tmp_path / "arm.rrd")
     time, torque = seen["/friction/elbow/torque"]
     np.testing.assert_allclose(time, truth[:, 0], atol=1e-9)
     np.testing.assert_allclose(torque, truth[:, 1])
@@ -77,7 +59,7 @@ def test_a_recording_has_the_numbers_of_the_simulation(arm: mujoco.MjModel, tmp_
 
 def test_looks_are_no_more_often_than_asked_for(arm: mujoco.MjModel, tmp_path: Path) -> None:
     _fall(arm, tmp_path / "arm.rrd", rate=50.0)
-    time, _ = read(tmp_path / "arm.rrd")["/friction/elbow/torque"]
+    time, _ = series(tmp_path / "arm.rrd")["/friction/elbow/torque"]
     np.testing.assert_allclose(np.diff(time), 0.02)
 
 
@@ -92,7 +74,7 @@ def test_a_model_without_friction_is_shown_too(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(gms.MODELS / "servo_axis.xml"))
     with pytest.warns(UserWarning, match="nothing moves"):  # it stands in the plane
         gms.view.record_motion(tmp_path / "axis.rrd", model, 0.02)
-    assert not [k for k in read(tmp_path / "axis.rrd") if k.startswith("/friction")]
+    assert not [k for k in series(tmp_path / "axis.rrd") if k.startswith("/friction")]
 
 
 def test_time_goes_on_after_a_reset(arm: mujoco.MjModel, tmp_path: Path) -> None:
@@ -104,7 +86,7 @@ def test_time_goes_on_after_a_reset(arm: mujoco.MjModel, tmp_path: Path) -> None
             mujoco.mj_step(arm, data)
             look()
     look.close()
-    time, _ = read(tmp_path / "arm.rrd")["/friction/elbow/torque"]
+    time, _ = series(tmp_path / "arm.rrd")["/friction/elbow/torque"]
     assert np.all(np.diff(time) > 0) and time[-1] == pytest.approx(0.032 + 0.01 + 0.032)
 
 
