@@ -189,8 +189,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
         records, uses = [], []
-        for i, entry in enumerate(entries, 1):
-            record, done = record_files.read(f"record {i}", entry, file.parent, axis)
+        for entry, (record, done, _) in zip(entries, record_files.read_all(entries, file.parent, axis), strict=True):
             if np.ptp(record.position) == 0:
                 notes.append(f"{record.name}: position never changes: left out")
                 continue

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import servos
+from hypothesis import settings
 
 from gms_mujoco import effects, threads
 from gms_mujoco.dataset import load, save
@@ -14,6 +15,10 @@ from gms_mujoco.diagnosis.findings import Diagnosis
 from gms_mujoco.excitation import multisine
 from gms_mujoco.plant import Plant
 from gms_mujoco.simulate import simulate
+
+# Nothing is timed: a first example imports what others have at hand, and machines are noisy.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -21,7 +21,7 @@ TIME = np.arange(N) * 1e-3
 RUN = {"time": TIME, "torque": np.sin(40 * TIME), "position": 0.1 * np.cos(30 * TIME)}
 AXIS = "[axis]\ninertia = 2.4e-5\n"
 RECORD = '[[record]]\nfile = "run.csv"\n'
-anyhow = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+anyhow = settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def dataset(folder: Path, text: str, **columns: np.ndarray) -> Dataset:
@@ -390,6 +390,18 @@ def test_rows_of_a_logger_that_comes_by_late_are_as_even_as_the_motion_says(tmp_
     runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **uneven)
     there = runs.fit[0]
     assert "resampled" in runs.notes[0] and np.abs(there.position - 0.1 * np.cos(30 * there.time)).max() < 1e-4
+
+
+def test_a_slow_record_is_read_as_a_fast_one_of_the_same_logger_shows(tmp_path: Path) -> None:
+    """By itself it does not tell whether its stamps or its rows are even."""
+    stamps = TIME + np.random.default_rng(0).uniform(-1e-4, 1e-4, N)
+    slow = {**RUN, "time": stamps, "position": np.round(np.sin(3 * TIME) / 1e-2) * 1e-2}
+    formats.write(tmp_path / "slow.csv", slow)
+    second = '[[record]]\nfile = "slow.csv"\nuse = "validate"\n'
+    runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n' + second, **{**RUN, "time": stamps})
+    assert np.array_equal(runs.validate[0].position, slow["position"]) and "in other records" in runs.notes[1]
+    alone = dataset(tmp_path, AXIS + second, **RUN)
+    assert "resampled" in alone.notes[0]
 
 
 def test_long_gap_is_refused_with_its_time(tmp_path: Path) -> None:

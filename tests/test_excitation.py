@@ -11,7 +11,7 @@ from gms_mujoco.excitation import KINDS, SWEEPS, Excitation
 H = 5e-4
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     n=st.integers(200, 3000), low=st.floats(2, 50), span=st.floats(60, 900), kind=st.sampled_from(KINDS),
     seed=st.integers(0, 99), lines=st.none() | st.integers(2, 60),
@@ -56,7 +56,7 @@ def test_a_chirp_stays_in_its_band_and_repeats_without_a_jump(sweep: str) -> Non
     assert even.min() > 0.4 * even.mean()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(frequency=st.floats(0.5, 480), cycles=st.integers(1, 20))
 def test_a_sine_has_whole_cycles_in_its_period(frequency: float, cycles: int) -> None:
     x = Excitation.sine(H, frequency, 2.0, cycles)

@@ -36,7 +36,7 @@ COLUMNS = {
     "torque": np.sin(np.arange(40)) * 1e-3,
     "position": np.cos(np.arange(40)) / 3,
 }
-anyhow = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+anyhow = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def csv(tmp_path: Path, text: str, name: str = "run.csv") -> Path:

@@ -77,14 +77,14 @@ def test_friction_lags_velocity():
     assert at[0] - at[1] > 0.02 * (FS - FC)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(-0.1, 0.1), min_size=2, max_size=12), st.floats(1e-4, 0.3))
 def test_every_element_stays_within_its_level(turns, step):
     _, forces = friction()(path(0.0, *turns, step=step))
     assert (np.abs(forces) <= np.array(FRACTION) * FS * (1 + 1e-12)).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=12), st.integers(0, 2**31))
 def test_no_net_work_over_a_closed_cycle(turns, seed):
     """Passive: a periodic motion, once periodic in force too, takes energy and never gives any."""
@@ -219,7 +219,7 @@ def letter(t, q, parts=20):
     pace=st.floats(1e-3, 30.0),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_is_left_out_for_speed_changes_no_bit(elements, exponent, slips_back, pace, seed):
     """Four elements that nothing modulates are followed by a shorter function: the same beside one that scales by 1."""
     rng = np.random.default_rng(seed)
@@ -245,7 +245,7 @@ def test_what_is_left_out_for_speed_changes_no_bit(elements, exponent, slips_bac
     pace=st.floats(1e-3, 30.0),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_an_element_does_the_same_by_itself_and_beside_others(slips_back, level, stiffening, dropping, pace, seed):
     """Four of five are followed at once, whatever friction does in either direction, and the last by itself."""
     rng = np.random.default_rng(seed)

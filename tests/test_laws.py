@@ -104,7 +104,7 @@ def test_what_modulates_friction_scales_each_law(law, modulator, speed):
 
 
 @DYNAMIC
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(turns=st.lists(st.floats(-0.1, 0.1), min_size=1, max_size=10), step=st.floats(1e-4, 0.3))
 def test_stays_within_its_level(law, turns, step):
     q = path(0.0, *turns, step=step)
@@ -118,7 +118,7 @@ def path(*turns, step=1e-3):
 
 
 @EVERY
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(turns=st.lists(st.integers(-100, 100), min_size=1, max_size=10), step=st.sampled_from([1e-5, 1e-4, 1e-3]))
 def test_no_net_work_over_a_closed_cycle(law, turns, step):
     """Passive: once the force is periodic like the motion, a cycle takes energy and never gives any."""

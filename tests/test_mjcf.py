@@ -89,7 +89,7 @@ def test_cogging_and_damping_of_a_geared_motor_act_as_in_mujoco(gear: float) -> 
         assert ours == pytest.approx(data.qfrc_actuator[0] + data.qfrc_passive[0], rel=1e-6)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 999))
 def test_a_sampled_plant_goes_to_mjcf_and_back_exactly(seed: int) -> None:
     plant = HEALTHY + HIDDEN["cogging"] + HIDDEN["torque_offset"] + effects.LoadDependentFriction(coefficient=0.3)
@@ -105,7 +105,7 @@ def test_a_sampled_plant_goes_to_mjcf_and_back_exactly(seed: int) -> None:
 
 
 @every_effect
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(data=st.data())
 def test_every_effect_comes_back_from_the_joint_that_it_was_put_on(name: str, data: st.DataObject) -> None:
     plant = data.draw(some_plant(name))

@@ -26,7 +26,7 @@ GMS = effects.find("gms")(
 VISCOUS = effects.find("viscous")(coefficient=2e-5)
 PLANT = Plant.axis(2.4e-5) + GMS + VISCOUS
 VISCOUS_FILE = "[axis]\ninertia = 1.0\n[effects.viscous]\ncoefficient = 0.1\n"
-anyhow = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+anyhow = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def test_plus_makes_a_new_plant() -> None:

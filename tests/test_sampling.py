@@ -77,7 +77,7 @@ def test_the_same_seed_the_same_plants_also_through_a_file(fitted: FitResult, tm
 
 
 @every_effect
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_a_draw_is_an_allowed_plant_for_any_intervals(name: str, data: st.DataObject) -> None:
     plant = data.draw(some_plant(name))

@@ -73,16 +73,17 @@ def _to_its_end(
     search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS,
     before_it: Sequence[Search] = (), halt: Callable[[Search], bool] = _never,
 ) -> bool:  # fmt: skip
-    """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end, or one of those
-    before it has been or is far ahead; whether it was to halt before."""
+    """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end and the last look
+    has not taken most of what was left, or one of those before it has been or is far ahead; whether it was to halt
+    before."""
     # With another law, or once it sees the log by another of its habits, a search begins anew, and so do its rounds.
-    k, seen, said = 0, search.seen, friction.said
+    k, seen, said, leaps = 0, search.seen, friction.said, False
     while k < MOST_ROUNDS:
         k = k + 1 if search.seen is seen and friction.said == said else 1
         seen, said = search.seen, friction.said
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
             return False
-        if k > 1 and search.patience.is_at_end:
+        if k > 1 and not leaps and search.patience.is_at_end:
             drop_false(search)
             return False
         law = friction.better()
@@ -94,6 +95,8 @@ def _to_its_end(
         had_room, before = friction.has_room, list(search.steps)
         in_part = part(report, (k - 1) / MOST_ROUNDS, k / MOST_ROUNDS)
         added = len(search.steps) <= most and search.add_one(in_part, law.result if law else None)
+        # What has just taken most may have uncovered what one look more takes the rest by.
+        leaps = not search.at_floor and leaves_much_less(before[-1].result, search.steps[-1].result)
         if halt(search):
             return True
         if added:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,39 @@ _APART = 0.5  # times the longest time from one of several axes to the next, tha
 _OTHERS = "position of "  # before the name of another joint of the robot, among the signals
 
 
-def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[Record, list[str]]:
-    """A record, and what was done to it, a sentence each.
+class Read(NamedTuple):
+    """A record as it was read.
+
+    Attributes:
+        record: in SI units.
+        notes: what was done to it, a sentence each.
+        strays: whether its stamps are not those of its rows; None where it does not tell.
+    """
+
+    record: Record
+    notes: list[str]
+    strays: bool | None
+
+
+def read_all(entries: Sequence[Mapping[str, Any]], folder: Path, axis: Axis) -> list[Read]:
+    """The records of a set. Where one shows that its stamps stray from even rows those that do not tell are read so
+    too: one logger wrote them all; see `read`."""
+    found = [read(f"record {i}", e, folder, axis) for i, e in enumerate(entries, 1)]
+    if not any(r.strays for r in found):
+        return found
+    return [r if r.strays is not None else read(f"record {i}", e, folder, axis, strays=True)
+            for i, (r, e) in enumerate(zip(found, entries, strict=True), 1)]  # fmt: skip
+
+
+def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis, strays: bool | None = None) -> Read:
+    """One record.
 
     Args:
         key: what the entry is called in messages, "record 1".
         entry: the table of `dataset.toml`.
         folder: of the file that it names.
         axis: whose record it is.
+        strays: whether its stamps are not those of its rows, where it does not tell.
 
     Raises:
         DataError: the file cannot be read or understood, or holds what no joint does.
@@ -86,7 +111,8 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
         seen = common_step(signals["position"])
         count = axis.joint.resolution or seen or None
         notes.append(_finer(axis.joint.resolution, seen, axis.joint.kind))
-        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed)
+        own = timing.strays_from_rows(signals["time"], signals["position"])
+        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed, strays)
         notes.append(note)
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
@@ -97,7 +123,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis) -> tuple[
     short += "".join(f" {k} {v}" for k, v in where.items())
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
-    return Record(short, time, signals, use, count, sensed, others), [n for n in notes if n]
+    return Read(Record(short, time, signals, use, count, sensed, others), [n for n in notes if n], own)
 
 
 def _expect_one_axis(table: formats.Table, signals: Mapping[str, Array]) -> None:

@@ -23,7 +23,7 @@ _SLOWISH, _LONG = 0.03, 1200.0  # s; a step and a whole that are rather millisec
 _EVEN = 0.02  # steps that differ by less than this part are even
 _OWN, _NEARLY_ALL = 0.1, 0.95  # of a step, by which nearly all stamps of a drive's own loop stray at most
 _ASTRAY = 2.0  # steps, over which stamps that belong to even rows are spread about them
-_ROUGHER = 4.0  # times the square of a position's third differences, where its stamps are not those of its rows
+_ROUGHER, _SMOOTHER = 1.3, 0.4  # times the square of a position's third differences, over its stamps and its rows
 
 
 def within(time: Array, span: Any) -> NDArray[np.bool_]:
@@ -111,7 +111,7 @@ def _told(time: float) -> str:
 
 
 def evenly(
-    time: Array, signals: Mapping[str, Array], sensed: bool = False
+    time: Array, signals: Mapping[str, Array], sensed: bool = False, strays: bool | None = None
 ) -> tuple[Array, dict[str, Array], str | None]:
     """Signals on an even time grid.
 
@@ -125,6 +125,8 @@ def evenly(
         time: (n,) [s], strictly increasing.
         signals: (n,) each.
         sensed: whether the torque was read from a sensor, which no drive holds.
+        strays: whether the stamps are not those of the rows, where `strays_from_rows` does not tell by the record
+            itself, but by others of the same logger.
 
     Returns:
         time, signals, and a sentence about what was done, None where nothing was.
@@ -140,11 +142,15 @@ def evenly(
         said = f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
         return time[0] + mean * np.arange(len(time)), dict(signals), said
     expect_whole(time)
-    if (rows := _of_rows(time, signals.get("position"))) is not None:
+    own = strays_from_rows(time, signals.get("position"))
+    if own or (own is None and strays):
+        rows = _rows(time)
+        assert rows is not None
         far, mean = float(np.abs(time - rows).max()), float(rows[1] - rows[0])
+        where = "" if own else ", in other records"
         said = (
             f"time stamps stray from even steps by up to {far:.2g} s, and the position is smooth over the rows and not "
-            f"over the stamps: read as even steps of {mean:.6g} s"
+            f"over the stamps{where}: read as even steps of {mean:.6g} s"
         )
         return rows, dict(signals), said
     h = float(np.median(step))
@@ -171,14 +177,27 @@ def _resampled(name: str, values: Array, time: Array, even: Array, step: float, 
     return np.diff(given[last] + values[last] * (ends - time[last])) / step
 
 
-def _of_rows(time: Array, position: Array | None) -> Array | None:
-    """(n,) even times that rows were read at, whatever their stamps say; None where a position does not show that."""
-    rows = np.arange(len(time))
-    grid: Array = np.polynomial.Polynomial.fit(rows, time, 1)(rows)
-    if position is None or np.ptp(time - grid) > _ASTRAY * (grid[1] - grid[0]):
+def strays_from_rows(time: Array, position: Array | None) -> bool | None:
+    """Whether rows were read at even times, whatever their stamps (n,) say; None where that may be, and the position
+    does not tell.
+
+    A position that was read evenly is rougher where it is put to uneven stamps, and one that was read when they say is
+    smoother: many thousand samples tell a small difference. Where it hardly moves in a step both are the roughness of
+    its counts.
+    """
+    if _even(time) is not None or (grid := _rows(time)) is None:
+        return False
+    if position is None:
         return None
     by_rows, by_stamps = (float(np.sum(np.diff(x, 3) ** 2)) for x in (position, np.interp(grid, time, position)))
-    return grid if _ROUGHER * by_rows < by_stamps else None
+    return True if by_stamps > _ROUGHER * by_rows else False if by_stamps < _SMOOTHER * by_rows else None
+
+
+def _rows(time: Array) -> Array | None:
+    """(n,) even times that are near stamps; None where the stamps are too far from any."""
+    rows = np.arange(len(time))
+    grid: Array = np.polynomial.Polynomial.fit(rows, time, 1)(rows)
+    return grid if np.ptp(time - grid) <= _ASTRAY * (grid[1] - grid[0]) else None
 
 
 def expect_whole(time: Array) -> None:

@@ -17,7 +17,7 @@ from gms_mujoco.plant import JOINT_KINDS, Plant
 
 
 @every_effect
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_the_same_plant_comes_back(name: str, data: st.DataObject) -> None:
     plant = data.draw(some_plant(name, JOINT_KINDS))
@@ -31,7 +31,7 @@ def test_the_same_plant_comes_back(name: str, data: st.DataObject) -> None:
 
 
 @every_effect
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_a_plant_beside_another_is_that_of_its_coordinates(name: str, data: st.DataObject) -> None:
     other = effects.find("viscous" if name == "spring" else "spring")()
@@ -44,7 +44,7 @@ def test_a_plant_beside_another_is_that_of_its_coordinates(name: str, data: st.D
 
 
 @every_effect
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_wherever_an_optimiser_goes_the_plant_is_allowed(name: str, data: st.DataObject) -> None:
     plant = data.draw(some_plant(name, JOINT_KINDS))
@@ -66,7 +66,7 @@ def test_wherever_an_optimiser_goes_the_plant_is_allowed(name: str, data: st.Dat
 
 
 @every_effect
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_intervals_hold_the_value_and_the_bounds(name: str, data: st.DataObject) -> None:
     plant = data.draw(some_plant(name, JOINT_KINDS))

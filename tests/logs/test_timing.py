@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gms_mujoco.logs.timing import by_another_clock, evenly
+from gms_mujoco.logs.timing import by_another_clock, evenly, strays_from_rows
 
 H, N = 1e-3, 400
 
@@ -55,3 +55,24 @@ def test_every_fifth_row_of_a_loop_that_is_now_and_then_the_one_beside_it_is_of_
     """As the joints of a UR10e are read at 100 Hz from 500."""
     rows = 5 * np.arange(N) + np.random.default_rng(0).choice([-1, 0, 0, 0, 0, 0, 1], N)
     assert by_another_clock(0.002 * rows)
+
+
+@given(st.integers(0, 1000), st.floats(0.05, 0.4), st.floats(1.0, 20.0))
+def test_a_position_tells_whether_its_rows_were_read_when_their_stamps_say(
+    seed: int, share: float, frequency: float
+) -> None:
+    stamps = _uneven(seed, share)
+    by_rows, by_stamps = (np.sin(2 * np.pi * frequency * t) for t in (H * np.arange(N), stamps))
+    assert strays_from_rows(stamps, by_rows) is True and strays_from_rows(stamps, by_stamps) is False
+    assert strays_from_rows(H * np.arange(N), by_stamps) is False  # nothing strays
+
+
+@given(st.integers(0, 1000))
+def test_a_position_that_moves_by_less_than_its_counts_tells_nothing_and_others_do(seed: int) -> None:
+    stamps, count = _uneven(seed, 0.1), 1e-2
+    position = np.round(np.sin(2 * np.pi * 0.5 * H * np.arange(N)) / count) * count
+    assert strays_from_rows(stamps, position) is None
+    even, signals, note = evenly(stamps, {"position": position, "torque": position}, strays=True)
+    assert note is not None and "in other records" in note
+    assert np.ptp(np.diff(even)) < 1e-12 and np.array_equal(signals["torque"], position)
+    assert "resampled" in str(evenly(stamps, {"position": position})[2])

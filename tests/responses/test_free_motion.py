@@ -27,7 +27,7 @@ def line(x: np.ndarray, k: int = CENTER) -> complex:
     return complex(np.fft.rfft(x)[k] * 2 / N)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.5, 60), st.floats(0, 20), st.floats(0, 6), st.floats(0.01, 1))
 def test_a_decaying_oscillation_is_taken_off(cycles: float, decay: float, phase: float, size: float) -> None:
     if np.hypot(cycles - CENTER, decay / (2 * np.pi)) < 1.2:  # cannot be told from the sine

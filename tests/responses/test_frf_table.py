@@ -25,7 +25,7 @@ MAG, ARG = np.abs(G), np.angle(G)
 ENTRY = '[[frf]]\nfile = "{}"\ninput = "torque"\noutput = "position"\namplitude = 1e-3\n'
 POLAR = "columns = { frequency = 0, magnitude = 1, phase = 2 }\n"
 needs_uff = pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff (gms-mujoco[uff])")
-anyhow = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+anyhow = settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def rows(header: str, *columns: np.ndarray, separator: str = ",") -> str:
@@ -384,7 +384,7 @@ def layouts(draw: st.DrawFn) -> tuple[str, str, str, np.ndarray, np.ndarray]:
     return text, draw(st.sampled_from(["csv", "txt", "dat"])), said, f, g
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(layout=layouts())
 def test_any_layout_gives_the_response_back(layout: tuple, tmp_path: Path) -> None:
     text, suffix, said, f, g = layout
