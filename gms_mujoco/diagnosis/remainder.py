@@ -78,6 +78,14 @@ _AT_SPEEDS = (
     "what is tied to the speed: constant speeds in both directions, evenly up to the highest that is used, slowly up "
     "and down again. Where up and down differ it remembers."
 )
+_AT_TORQUES = (
+    "what is tied to the torque: known loads, as weights on a lever, held at rest and moved slowly over the whole "
+    "range of the torque, in both directions."
+)
+_CONSTANT = (
+    "what is the same everywhere: the axis at rest with the drive off and on, for the zero of the sensor, and slow "
+    "runs in both directions, for a torque that leans on the axis."
+)
 _JUMPS = "what jumps: the same run three times in a row. It comes back at that instant, at that place, or not at all."
 _WANDERS = "what changes in the course of a record: one run twice, cold and after an hour of use."
 _BETWEEN_RECORDS = (
@@ -141,6 +149,11 @@ def _looks(
         " as a factor on the torque": np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs]),
     }
     alone = len(runs) == 1
+    torque, constant = factors[" as a factor on the torque"], float(residual.mean())
+    unit = "N m" if plant.kind == "hinge" else "N"
+    share = constant**2 * len(residual) / total
+    if share > _MOSTLY_THERE:  # it has that value at each place and speed, too
+        return [Reading(share, f"a constant, {constant:+.2g} {unit} ({_percent(share)})", _CONSTANT)]
     instants, times = _instants(runs, total)
     readings = [] if 0 < times < _FEWEST_PERIODS else [
         _periodic(o, r),
@@ -149,6 +162,8 @@ def _looks(
         _to_neighbour(runs, residual, tied.share),
         Reading(share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})",
                 _AT_SPEEDS),
+        Reading(share := _explained(torque, residual, factors[""])[1], f"tied to the torque ({_percent(share)})",
+                _AT_TORQUES),
         jump := _jump(runs, total),
         _wandering(runs, total, jump.share),
         _apart(runs, total, plant),

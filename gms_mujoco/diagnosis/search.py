@@ -283,7 +283,7 @@ class Search:
         ends = self._limit_instead(ends, best)
         ends += surer(best, ends, p_values)
         for i, (name, misfit, x) in enumerate(ends):
-            if trials and self.patience.is_at_end:
+            if trials and self._earns(trials[0]) and self.patience.is_at_end:
                 break
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:

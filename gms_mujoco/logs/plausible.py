@@ -36,6 +36,7 @@ _AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
 _AT_END, _MOST_AT_END = 0.003, 0.8
 _FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell how fast an axis is beside it
 _RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
+_LATE = (8, 16, 32)  # rows within which a drive that lags or a log that is late has an axis answer
 _BEYOND = 2.0  # times the largest torque of the other rows
 _SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
 _STAYS = 10  # rows there after another
@@ -178,13 +179,24 @@ def _torque_leaps(record: Record) -> NDArray[np.intp]:
 
 
 def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[np.bool_]:
-    """(k,) whether the axis goes on faster, or slower, after torques of a few rows, as their impulse would have it.
+    """(k,) whether the axis goes on faster, or slower, after torques of a few rows, as their impulse would have it, at
+    once or as late as a drive may follow.
 
     What cannot be seen behind the encoder counts as an answer, as does an axis that rests where the torque is zero."""
+    at_once, unseen = _answers_within(record, rows, inertia, _FEW_ROWS)
+    late = [_answers_within(record, rows, inertia, n) for n in _LATE if 4 * n < len(record)]
+    return np.any([at_once, unseen, *(answers & ~hidden for answers, hidden in late)], axis=0)
+
+
+def _answers_within(
+    record: Record, rows: NDArray[np.intp], inertia: float, n: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(k,) the same of one that is complete so many rows later, and where that would not be seen."""
     u, q, h = record.torque, record.position, record.sample_time
     without = _between(record, rows).torque
-    before = np.arange(len(u))[_SLOPE : -2 * _FEW_ROWS - 1 - _SLOPE]
-    after = before + 2 * _FEW_ROWS + 1
+    gap = _FEW_ROWS + 1 + n
+    before = np.arange(len(u))[_SLOPE : -gap - _SLOPE]
+    after = before + gap
 
     def speeds_up(position: Array) -> Array:
         """By what the mean velocity after some rows differs from that before."""
@@ -196,7 +208,7 @@ def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[
         velocity = h / inertia * np.concatenate([[0.0], np.cumsum(torque)])
         return h * np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2)])
 
-    speed = (q[after] - q[before]) / ((2 * _FEW_ROWS + 1) * h)
+    speed = (q[after] - q[before]) / (gap * h)
     friction = np.stack([np.sign(speed), speed, np.ones_like(speed)], 1)
     change = speeds_up(q)
     beyond = change - speeds_up(free(without))
@@ -204,11 +216,10 @@ def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[
     # What friction does to an axis that rests now and then no line in the speed tells.
     change = min(change, beyond, key=lambda c: float(np.median(np.abs(c))))
     noise = float(np.median(np.abs(change)))
-    at = rows - _FEW_ROWS - _SLOPE
+    at = np.minimum(rows - _FEW_ROWS - _SLOPE, len(before) - 1)
     due = speeds_up(free(u - without))[at]
-    rests = speed == 0
-    held = rests[at] & (u[rows] == 0)
-    return np.asarray(held | (np.abs(due) < _SEEN * noise) | (change[at] * due > _HALF * due**2))
+    held = (speed == 0)[at] & (u[rows] == 0)
+    return change[at] * due > _HALF * due**2, held | (np.abs(due) < _SEEN * noise)
 
 
 def hint(ratio: float) -> str:

@@ -235,6 +235,8 @@ def test_what_fades_as_the_torque_does_is_not_said_to(records: list[Record]) -> 
         (lambda r, k: 0.2 * LEVEL * np.sin(2 * np.pi * 12 * T), "what is periodic in time"),
         (lambda r, k: 0.2 * LEVEL * np.sin(20 * r.position), "what is tied to the place"),
         (lambda r, k: 0.5 * LEVEL * (T > 1.6) * (k == 1), "what jumps"),
+        (lambda r, k: 0.1 * np.where(np.abs(r.torque) < LEVEL, r.torque, 0.0), "what is tied to the torque"),
+        (lambda r, k: np.full(len(T), 0.2 * LEVEL), "what is the same everywhere"),
     ],
 )
 def test_what_it_looks_like_says_what_to_measure(
