@@ -80,6 +80,7 @@ _WORTH_A_TRIAL = 0.003  # fall of the squared error in a linear refit, below whi
 _MOST = 0.5  # of the squared error: beside an effect that surely takes more, others have to promise something too,
 _RIVALS = 0.25  # so much of what it promises where they may do so by chance
 _BY_CHANCE = 0.05  # p value of that, above which it has to promise at the noise floor all that a joint one must take
+_HALF = 0.5  # of the squared error that the first takes: a rough fit that takes less is no rival of it
 _LED_ON = 0.9  # times the error of a fit: another curve of friction may show there that had not
 
 
@@ -285,6 +286,8 @@ class Search:
         for i, (name, misfit, x) in enumerate(ends):
             if trials and self._earns(trials[0]) and self.patience.is_at_end:
                 break
+            if trials and self._is_no_rival(misfit, x, trials[0]):
+                continue
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
                 result = fits.to_end(misfit, x, self._of_use(trials[0], misfit, len(p_values)))
@@ -309,6 +312,14 @@ class Search:
             if found.error <= AT_FLOOR * found.floor:
                 return [(special, found.misfit, found.vector), *(t for t in ends if t[0] not in (special, name))]
         return ends
+
+    def _is_no_rival(self, misfit: Misfit, x: Array, first: Trial) -> bool:
+        """Whether a rough fit has taken less than half of what one that earns its place takes, down to the noise floor:
+        at its end it takes no more."""
+        if self.at_floor or not (at_floor(first.result, first.held_out) and self._earns(first)):
+            return False
+        before, least = (left_of(r.misfit, r.vector) for r in (self.steps[-1].result, first.result))
+        return before - left_of(misfit, x) < _HALF * (before - least)
 
     def _holds_roughly(self, rough: Rough) -> bool:
         """Whether a rough fit leaves less of blocks not seen than the plant without its effect, by more than chance.
