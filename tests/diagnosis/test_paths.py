@@ -10,12 +10,16 @@ from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnosis.friction_law import FrictionLaw
 from gms_mujoco.diagnosis.judgement import Trial
-from gms_mujoco.diagnosis.paths import along_rivals
+from gms_mujoco.diagnosis.paths import _to_its_end, along_rivals
+from gms_mujoco.diagnosis.patience import Patience
 from gms_mujoco.diagnosis.search import Search
+from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit_observations
 from gms_mujoco.identification.linear_model import cross_validated
+from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
+from gms_mujoco.identification.refine import refine
 
 OFFSET, LEANING = effects.TorqueOffset(torque=0.0), effects.AsymmetricFriction(level=0.1)
 
@@ -98,3 +102,28 @@ def test_a_search_ends_where_another_has_been(monkeypatch: pytest.MonkeyPatch) -
     search.steps[1] = end
     along_rivals(search, FrictionLaw(search, free=False), quiet)
     assert asked
+
+
+@pytest.mark.parametrize(("first", "then", "looks"), [("gravity", "cogging", 2), ("cogging", "gravity", 1)])
+def test_a_search_at_the_end_of_its_work_goes_on_where_it_has_just_taken_most(
+    monkeypatch: pytest.MonkeyPatch, first: str, then: str, looks: int
+) -> None:
+    """The weight is a half stronger than the cogging, and makes up more than two thirds of what is missing."""
+    seen = observe(dataset(HEALTHY + HIDDEN["cogging"] + HIDDEN["gravity"]).fit, HEALTHY.inertia)
+
+    def step(*added: str) -> Step:
+        plant = HEALTHY
+        for name in added:
+            plant = plant + HIDDEN[name]
+        misfit = Misfit(plant, seen)
+        found = refine(misfit, misfit.vector(plant))
+        return Step(added[-1] if added else None, found, held_out=cross_validated(misfit, found.vector))
+
+    found = [step(first), step(first, then)]
+    monkeypatch.setattr(Patience, "is_at_end", True)
+    monkeypatch.setattr("gms_mujoco.diagnosis.paths.drop_false", lambda search: False)
+    monkeypatch.setattr(Search, "add_one", lambda self, report, law: self.steps.append(found.pop(0)) or True)
+    search = Search(seen, [], HEALTHY)
+    search.steps = [step()]
+    _to_its_end(search, FrictionLaw(search, free=False), quiet)
+    assert names(search) == [first, then][:looks]

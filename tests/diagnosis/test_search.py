@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import GMS, HEALTHY, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
+from bench import GMS, HEALTHY, HIDDEN, LEVEL, SAMPLE_TIME, UNKNOWN, J, runs
 
 from gms_mujoco import effects
 from gms_mujoco.dataset import Dataset
@@ -24,6 +24,7 @@ from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.identification.refine import refine
 from gms_mujoco.identification.screen import Candidate
+from gms_mujoco.plant import Plant
 from gms_mujoco.progress import silent
 from gms_mujoco.record import Record
 
@@ -196,3 +197,20 @@ def test_friction_gets_more_elements_from_where_a_trial_has_led() -> None:
     assert not search.at_floor and search._refined()
     assert search.steps[-1].result.plant["gms"].elements > 3 and search.at_floor
     assert not search._refined()
+
+
+def test_what_takes_little_beside_what_comes_down_to_the_floor_is_no_rival() -> None:
+    seen = observe(runs(HEALTHY + HIDDEN["gravity"]), J)
+
+    def fitted(plant: Plant) -> FitResult:
+        misfit = Misfit(plant, seen)
+        return refine(misfit, misfit.vector(plant))
+
+    base, gravity, offset = map(fitted, (HEALTHY, HEALTHY + HIDDEN["gravity"], HEALTHY + effects.TorqueOffset()))
+    search = Search(seen, [], HEALTHY)
+    search.steps = [Step(None, base, held_out=cross_validated(base.misfit, base.vector))]
+    first, poor = (Trial(n, r, cross_validated(r.misfit, r.vector))
+                   for n, r in (("gravity", gravity), ("torque_offset", offset)))  # fmt: skip
+    assert search._is_no_rival(offset.misfit, offset.vector, first)
+    assert not search._is_no_rival(gravity.misfit, gravity.vector, first)
+    assert not search._is_no_rival(base.misfit, base.vector, poor)  # far from the floor anything may
