@@ -22,7 +22,7 @@ from ..identification.inverse import Observation
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
-from ..identification.refine import refine
+from ..identification.refine import CLOSE_TO_FLOOR, refine
 from ..identification.screen import Candidate, Screen
 from ..plant import Plant
 from ..progress import Progress, silent
@@ -314,9 +314,9 @@ class Search:
         return ends
 
     def _is_no_rival(self, misfit: Misfit, x: Array, first: Trial) -> bool:
-        """Whether a rough fit has taken less than half of what one that earns its place takes, down to the noise floor:
-        at its end it takes no more."""
-        if self.at_floor or not (at_floor(first.result, first.held_out) and self._earns(first)):
+        """Whether a rough fit has taken less than half of what one that earns its place takes, down to near the noise
+        floor: at its end it takes no more."""
+        if self.at_floor or not (at_floor(first.result, first.held_out, CLOSE_TO_FLOOR) and self._earns(first)):
             return False
         before, least = (left_of(r.misfit, r.vector) for r in (self.steps[-1].result, first.result))
         return before - left_of(misfit, x) < _HALF * (before - least)
