@@ -188,14 +188,11 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             raise DataError("no [[record]] and no [[frf]]; a measurement set needs at least one"
                             + (f" for joint {axis.joint.name}" if axis.robot else ""))
         notes = frf_table.listed(frfs)
-        records, uses = [], []
-        for entry, (record, done, _) in zip(entries, record_files.read_all(entries, file.parent, axis), strict=True):
-            if np.ptp(record.position) == 0:
-                notes.append(f"{record.name}: position never changes: left out")
-                continue
-            records.append(record)
-            uses.append(entry.get("use"))
-            notes += [f"{record.name}: {note}" for note in done]
+        read = [*zip(entries, record_files.read_all(entries, file.parent, axis), strict=True)]
+        notes += [f"{r.record.name}: position never changes: left out" for _, r in read if not r.moves]
+        read = [(e, r) for e, r in read if r.moves]
+        notes += record_files.listed([r for _, r in read])
+        records, uses = [r.record for _, r in read], [e.get("use") for e, _ in read]
         if entries and not records:
             raise DataError("position never changes in any record; nothing can be learnt from a joint that does not "
                             "move")  # fmt: skip

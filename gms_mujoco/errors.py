@@ -1,6 +1,6 @@
 """What can go wrong, said in one line: what was given, what was expected, which names exist."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Real
 from typing import Any, TypeGuard
 
@@ -29,3 +29,8 @@ def is_number(value: Any, kind: type = Real) -> TypeGuard[Any]:
 def listing(names: Iterable[str]) -> str:
     """Names for the end of a message: "a, b, c", or "none"."""
     return ", ".join(sorted(names)) or "none"
+
+
+def several(names: Sequence[str]) -> str:
+    """Names in a sentence on all of them; of many the first two, and how many more."""
+    return ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"

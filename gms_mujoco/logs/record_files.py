@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import formats
-from ..errors import DataError
+from ..errors import DataError, several
 from ..record import Record
 from . import columns, plausible, timing, turns, units
 from .columns import subtable
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 _KEYS = ("file", "use", "joint", "episode", "where", "rate", "span", "sensed", "columns", "units", "scale")
 _AS_DECLARED = 0.7  # of a declared count: positions with smaller steps come of a finer encoder
 _APART = 0.5  # times the longest time from one of several axes to the next, that the shortest is at most
+_FIGURE = re.compile(r"\d[\d.e+-]*")
 _OTHERS = "position of "  # before the name of another joint of the robot, among the signals
 
 
@@ -41,6 +43,11 @@ class Read(NamedTuple):
     notes: list[str]
     strays: bool | None
 
+    @property
+    def moves(self) -> bool:
+        """Whether its position ever changes."""
+        return bool(np.ptp(self.record.position))
+
 
 def read_all(entries: Sequence[Mapping[str, Any]], folder: Path, axis: Axis) -> list[Read]:
     """The records of a set. Where one shows that its stamps stray from even rows those that do not tell are read so
@@ -50,6 +57,19 @@ def read_all(entries: Sequence[Mapping[str, Any]], folder: Path, axis: Axis) -> 
         return found
     return [r if r.strays is not None else read(f"record {i}", e, folder, axis, strays=True)
             for i, (r, e) in enumerate(zip(found, entries, strict=True), 1)]  # fmt: skip
+
+
+def listed(found: Sequence[Read]) -> list[str]:
+    """What was done to each record; what was done to several, but for its figures, in one line with those of the
+    first."""
+    alike: dict[str, dict[str, str]] = {}
+    for record, notes, _ in found:
+        for note in notes:
+            alike.setdefault(_FIGURE.sub("", note), {}).setdefault(record.name, note)
+    return [
+        f"{several([*notes])}: {next(iter(notes.values()))}" + " (figures of the first)" * (len({*notes.values()}) > 1)
+        for notes in alike.values()
+    ]
 
 
 def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis, strays: bool | None = None) -> Read:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, listing
+from ..errors import DataError, listing, several
 from ..formats import LARGEST, Table, why_unusable
 from ..frf import FRF, INPUTS, OUTPUTS, Complex, drive_unit, letters, response_unit
 from . import frf_units
@@ -447,8 +447,4 @@ def listed(frfs: Sequence[FRF]) -> list[str]:
     alike: dict[str, list[str]] = {}
     for f in frfs:
         alike.setdefault("; ".join(f.notes), []).append(f.name)
-    return [f"{_several(names)}: {said}" for said, names in alike.items()]
-
-
-def _several(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) < 4 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
+    return [f"{several(names)}: {said}" for said, names in alike.items()]
