@@ -79,8 +79,9 @@ def whitened(misfit: Misfit, x: Array) -> Whitened:
             moved = step != 0
             part = float(np.min(room[moved] / np.abs(step[moved]), initial=1.0))
             if part > _LEAST:
-                width = 2 * part * variance**0.5
-                slopes[:, j] = (misfit.residual(x + part * step) - misfit.residual(x - part * step)) / width
+                # As far as there is room, but for what rounding adds.
+                ahead, behind = (np.clip(x + way * part * step, lower, upper) for way in (1, -1))
+                slopes[:, j] = (misfit.residual(ahead) - misfit.residual(behind)) / (2 * part * variance**0.5)
 
         each(fill, range(common))
     return Whitened(residual, prior, root, slopes, jacobian)

@@ -6,6 +6,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from bench import HEALTHY, J, runs
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gms_mujoco.identification.intervals import covariance
 from gms_mujoco.identification.misfit import Misfit
@@ -59,6 +61,21 @@ def test_no_look_goes_beyond_a_bound() -> None:
 def healthy() -> tuple[Misfit, np.ndarray]:
     misfit = Misfit(HEALTHY, observe(runs(HEALTHY, seconds=1.0), J))
     return misfit, misfit.vector(HEALTHY)
+
+
+@given(st.floats(0.01, 0.1))
+def test_no_look_goes_below_a_least_value_by_a_rounding(small: float) -> None:
+    """An effect refuses what is less, by however little."""
+    problem_, x = problem(1e-9, 0.5)
+    made, here = cast(Any, problem_), np.array([small, 1.0])
+    told = made.residual
+
+    def residual(there: np.ndarray) -> np.ndarray:
+        assert np.all(there >= 0)
+        return np.asarray(told(x + there - here))
+
+    made.residual, made.bounds = residual, (np.zeros(2), np.full(2, np.inf))
+    assert np.isfinite(whitened(problem_, here).slopes).all()
 
 
 def test_states_before_a_record_follow_the_parameters(healthy: tuple[Misfit, np.ndarray]) -> None:
