@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import files, formats, servo_run
 from .errors import DataError, listing
-from .frf import FRF
+from .frf import FRF, drive_unit
 from .logs import plausible, record_files
 from .logs.columns import ASKED_FOR, expect_known, subtable
 from .logs.measured_axis import ENCODER, Axis, encoder_count, joint_names
@@ -201,7 +201,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         if axis.torque_constant is not None and not axis.has_current:
             notes.append("axis.torque_constant is not used: no record and no response has a current")
         elif axis.in_amperes:
-            unit = "N m" if axis.joint.kind == "hinge" else "N"
+            unit = drive_unit("torque", axis.joint.kind)
             notes.append(f"the torque constant is unknown: torque stays in A, and {unit} means A in every unit")
         if len(axis.current_kinds) > 1:
             told = " and ".join(f"A {kind} ({name})" for kind, name in axis.current_kinds.items())

@@ -243,9 +243,9 @@ def _contradicted(steps: Sequence[Step], comparisons: Sequence[Comparison]) -> s
 
 def _look(comparison: Comparison | None) -> Remainder:
     """The look of what is left of the records that were not fitted."""
-    runs = comparison.records if comparison else ()
-    if comparison is None or not runs:
+    if comparison is None or not comparison.records:
         return NO_LOOK
+    runs = comparison.records
     return describe(comparison.plant, [r.observation for r in runs], [r.residual for r in runs])
 
 

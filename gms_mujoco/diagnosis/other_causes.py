@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..fit_result import FitResult
+from ..frf import drive_unit
 from ..identification.between_samples import mean_torque, second_difference
 from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
@@ -401,7 +402,7 @@ def _height(strength: Array) -> float:
 
 
 def _say_line(now: FitResult, strength: Array) -> str:
-    unit = "N m" if now.plant.kind == "hinge" else "N"
+    unit = drive_unit("torque", now.plant.kind)
     return f"a torque that is periodic in time, at {_line_in(now):.3g} Hz, of up to {_height(strength):.2g} {unit}"
 
 
@@ -495,7 +496,7 @@ def _at_most(now: FitResult, strength: Array) -> float:
 
 
 def _say_waves(now: FitResult, strength: Array) -> str:
-    unit = "N m" if now.plant.kind == "hinge" else "N"
+    unit = drive_unit("torque", now.plant.kind)
     many = _many(now, _waves_in(now, np.positive, np.abs))
     return (f"a torque in waves over the place that grows with the speed, {many}, {_at_most(now, strength):.2g} {unit} "
             "at the highest")  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..frf import drive_unit
 from ..identification.between_samples import mean_torque
 from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.inverse import Observation
@@ -150,7 +151,7 @@ def _looks(
     }
     alone = len(runs) == 1
     torque, constant = factors[" as a factor on the torque"], float(residual.mean())
-    unit = "N m" if plant.kind == "hinge" else "N"
+    unit = drive_unit("torque", plant.kind)
     share = constant**2 * len(residual) / total
     if share > _MOSTLY_THERE:  # it has that value at each place and speed, too
         return [Reading(share, f"a constant, {constant:+.2g} {unit} ({_percent(share)})", _CONSTANT)]
@@ -387,7 +388,7 @@ def _apart(runs: Sequence[tuple[Observation, Array]], total: float, plant: Plant
     if apart < _NOTABLE:  # it is the same in all
         return Reading(0.0)
     k = int(np.argmax(np.abs(size)))
-    unit = "N m" if plant.kind == "hinge" else "N"
+    unit = drive_unit("torque", plant.kind)
     by = f"{size[k]:+.2g} {unit}" if what.startswith("an offset") else f"{100 * size[k]:+.0f} %"
     name = runs[k][0].record.name
     said = f"as by {what} that is another in each record ({_percent(share)}, {by} in {name})"

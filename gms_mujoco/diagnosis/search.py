@@ -278,15 +278,18 @@ class Search:
             # screen is refitted before what fits best.
             rough[1:] = sorted(rough[1:], key=lambda t: p_values[t[0]])
         trials: list[Trial] = []
+        earns = False  # the first of them its place
         best = [t for i, t in enumerate(rough) if t[0] not in [other[0] for other in rough[:i]]]
         held = [t for t in best if self._holds_roughly(t)] if self.at_floor and self.only_timed else best
         ends = finalists(current, held, FINALISTS + fits.simulated)
         ends = self._limit_instead(ends, best)
         ends += surer(best, ends, p_values)
         for i, (name, misfit, x) in enumerate(ends):
-            if trials and self._earns(trials[0]) and self.patience.is_at_end:
+            if i == 1:
+                earns = self._earns(trials[0])
+            if earns and self.patience.is_at_end:
                 break
-            if trials and self._is_no_rival(misfit, x, trials[0]):
+            if earns and self._is_no_rival(misfit, x, trials[0]):
                 continue
             report(0.7 + 0.1 * i, f"refitting with {name}")
             if trials:
@@ -314,9 +317,9 @@ class Search:
         return ends
 
     def _is_no_rival(self, misfit: Misfit, x: Array, first: Trial) -> bool:
-        """Whether a rough fit has taken less than half of what one that earns its place takes, down to near the noise
-        floor: at its end it takes no more."""
-        if self.at_floor or not (at_floor(first.result, first.held_out, CLOSE_TO_FLOOR) and self._earns(first)):
+        """Whether a rough fit has taken less than half of what the first, which earns its place, takes down to near the
+        noise floor: at its end it takes no more."""
+        if self.at_floor or not at_floor(first.result, first.held_out, CLOSE_TO_FLOOR):
             return False
         before, least = (left_of(r.misfit, r.vector) for r in (self.steps[-1].result, first.result))
         return before - left_of(misfit, x) < _HALF * (before - least)

@@ -183,17 +183,18 @@ def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[
     once or as late as a drive may follow.
 
     What cannot be seen behind the encoder counts as an answer, as does an axis that rests where the torque is zero."""
-    at_once, unseen = _answers_within(record, rows, inertia, _FEW_ROWS)
-    late = [_answers_within(record, rows, inertia, n) for n in _LATE if 4 * n < len(record)]
+    without = _between(record, rows).torque
+    at_once, unseen = _answers_within(record, rows, without, inertia, _FEW_ROWS)
+    late = [_answers_within(record, rows, without, inertia, n) for n in _LATE if 4 * n < len(record)]
     return np.any([at_once, unseen, *(answers & ~hidden for answers, hidden in late)], axis=0)
 
 
 def _answers_within(
-    record: Record, rows: NDArray[np.intp], inertia: float, n: int
+    record: Record, rows: NDArray[np.intp], without: Array, inertia: float, n: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(k,) the same of one that is complete so many rows later, and where that would not be seen."""
+    """(k,) the same of one that is complete so many rows later, and where that would not be seen, given the torque (n,)
+    without these rows."""
     u, q, h = record.torque, record.position, record.sample_time
-    without = _between(record, rows).torque
     gap = _FEW_ROWS + 1 + n
     before = np.arange(len(u))[_SLOPE : -gap - _SLOPE]
     after = before + gap

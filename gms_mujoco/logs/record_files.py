@@ -131,8 +131,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis, strays: b
         seen = common_step(signals["position"])
         count = axis.joint.resolution or seen or None
         notes.append(_finer(axis.joint.resolution, seen, axis.joint.kind))
-        own = timing.strays_from_rows(signals["time"], signals["position"])
-        time, signals, note = timing.evenly(signals.pop("time"), signals, sensed, strays)
+        time, signals, note, strays = timing.evenly(signals.pop("time"), signals, sensed, strays)
         notes.append(note)
     except DataError as error:
         raise DataError(f"{key} ({name}): {error}") from None
@@ -143,7 +142,7 @@ def read(key: str, entry: Mapping[str, Any], folder: Path, axis: Axis, strays: b
     short += "".join(f" {k} {v}" for k, v in where.items())
     if span is not None:
         short += f" {span[0]:g} to {span[1]:g} s"
-    return Read(Record(short, time, signals, use, count, sensed, others), [n for n in notes if n], own)
+    return Read(Record(short, time, signals, use, count, sensed, others), [n for n in notes if n], strays)
 
 
 def _expect_one_axis(table: formats.Table, signals: Mapping[str, Array]) -> None:

@@ -112,7 +112,7 @@ def _told(time: float) -> str:
 
 def evenly(
     time: Array, signals: Mapping[str, Array], sensed: bool = False, strays: bool | None = None
-) -> tuple[Array, dict[str, Array], str | None]:
+) -> tuple[Array, dict[str, Array], str | None, bool | None]:
     """Signals on an even time grid.
 
     Steps that differ by less than 2 % are left as they are. Stamps that are an even grid rounded to fewer digits
@@ -129,7 +129,7 @@ def evenly(
             itself, but by others of the same logger.
 
     Returns:
-        time, signals, and a sentence about what was done, None where nothing was.
+        time, signals, a sentence about what was done, None where nothing was, and what `strays_from_rows` tells.
 
     Raises:
         DataError: a gap of more than 20 sample times.
@@ -137,10 +137,10 @@ def evenly(
     step = np.diff(time)
     if (rounding := _even(time)) is not None:
         if not rounding:
-            return time, dict(signals), None
+            return time, dict(signals), None, False
         mean = (time[-1] - time[0]) / len(step)
         said = f"time stamps are rounded to {rounding:g} s; read as even steps of {mean:.6g} s"
-        return time[0] + mean * np.arange(len(time)), dict(signals), said
+        return time[0] + mean * np.arange(len(time)), dict(signals), said, False
     expect_whole(time)
     own = strays_from_rows(time, signals.get("position"))
     if own or (own is None and strays):
@@ -152,7 +152,7 @@ def evenly(
             f"time stamps stray from even steps by up to {far:.2g} s, and the position is smooth over the rows and not "
             f"over the stamps{where}: read as even steps of {mean:.6g} s"
         )
-        return rows, dict(signals), said
+        return rows, dict(signals), said, own
     h = float(np.median(step))
     worst = int(np.argmax(step))
     uneven = int((np.abs(step - h) > _EVEN * h).sum())
@@ -163,7 +163,7 @@ def evenly(
         f"{uneven} of {len(step)} time steps differ from {h:.4g} s by more than 2 % (the longest is "
         f"{step[worst]:.4g} s): resampled evenly, {'all' if sensed else 'torque held, the rest'} interpolated"
     )
-    return even, resampled, note
+    return even, resampled, note, own
 
 
 def _resampled(name: str, values: Array, time: Array, even: Array, step: float, held: bool) -> Array:

@@ -18,7 +18,7 @@ def _uneven(seed: int, share: float = 0.3) -> np.ndarray:
 @given(st.integers(0, 1000), st.floats(0.05, 0.45))
 def test_as_much_torque_acts_as_the_drive_gave(seed: int, share: float) -> None:
     time, torque = _uneven(seed, share), np.random.default_rng(seed).normal(size=N)
-    even, signals, note = evenly(time, {"torque": torque})
+    even, signals, note, _ = evenly(time, {"torque": torque})
     given_until = np.append(0.0, np.cumsum(torque[:-1] * np.diff(time)))
     step = even[1] - even[0]
     inside = even + step <= time[-1]
@@ -32,7 +32,7 @@ def test_the_axis_was_where_it_was(seed: int) -> None:
     """Within what a cubic tells of a sine of 30 Hz, a hundredth of what a chord does."""
     time = _uneven(seed)
     position = np.sin(2 * np.pi * 30 * time)
-    even, signals, _ = evenly(time, {"position": position, "torque": position})
+    even, signals, *_ = evenly(time, {"position": position, "torque": position})
     inner = slice(5, -5)
     true = np.sin(2 * np.pi * 30 * even)
     off, chord = (np.abs(x - true)[inner].max() for x in (signals["position"], np.interp(even, time, position)))
@@ -41,7 +41,7 @@ def test_the_axis_was_where_it_was(seed: int) -> None:
 
 def test_a_torque_that_was_read_is_what_lies_between_two_readings() -> None:
     time = _uneven(0)
-    even, signals, note = evenly(time, {"torque": np.cos(200 * time)}, sensed=True)
+    even, signals, note, _ = evenly(time, {"torque": np.cos(200 * time)}, sensed=True)
     assert signals["torque"] == pytest.approx(np.interp(even, time, np.cos(200 * time)))
     assert note is not None and "all interpolated" in note
 
@@ -72,7 +72,7 @@ def test_a_position_that_moves_by_less_than_its_counts_tells_nothing_and_others_
     stamps, count = _uneven(seed, 0.1), 1e-2
     position = np.round(np.sin(2 * np.pi * 0.5 * H * np.arange(N)) / count) * count
     assert strays_from_rows(stamps, position) is None
-    even, signals, note = evenly(stamps, {"position": position, "torque": position}, strays=True)
+    even, signals, note, _ = evenly(stamps, {"position": position, "torque": position}, strays=True)
     assert note is not None and "in other records" in note
     assert np.ptp(np.diff(even)) < 1e-12 and np.array_equal(signals["torque"], position)
     assert "resampled" in str(evenly(stamps, {"position": position})[2])
