@@ -15,12 +15,14 @@ from ..frf import drive_unit
 from ..identification.between_samples import mean_torque, second_difference
 from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
+from ..identification.time_spectrum import line
 from .history import faded, following, way
 
 Array = NDArray[np.float64]
 
 _HARMONICS = np.arange(1, 5)  # of an inertia
 _KNOTS = np.array([0.25, 0.5, 0.75, 1.0])  # of the largest torque, between which a torque constant goes in lines
+_DEAD = np.geomspace(0.002, 0.3, 12)  # of the largest torque, that a drive leaves out
 _SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is drawn
 _SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, over which something fades
 _GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
@@ -30,7 +32,6 @@ _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in tim
 _TWICE = 1.5  # waves to a revolution: fewer are one
 _TOLD = 0.25  # of a wave over all places, by which their number is told
 _FEWEST_PERIODS = 8  # in the shortest record: what comes back less often may be the motion's
-_FINER = 8  # times finer than a record tells two frequencies apart
 _MOVES = 0.02  # of the square of the velocity, at the frequency of a torque that is not the motion's own
 
 
@@ -180,6 +181,35 @@ def _say_sense(now: FitResult, strength: Array) -> str:
     less = float(strength[0])
     apart = 2 * abs(less) / (1 + abs(less))
     return f"a torque constant that is {100 * apart:.2g} % smaller for {'positive' if less > 0 else 'negative'} torques"
+
+
+def _of_dead_zone(now: FitResult) -> list[Torques]:
+    """What a drive gives less, that leaves out as much as each of some torques, whichever way it is asked."""
+    widths = _most_asked(now) * _DEAD
+
+    def one(o: Observation) -> Torques:
+        u = o.record.torque
+        return _taking(np.stack([mean_torque(o.record, np.clip(u, -w, w)) for w in widths], 1))
+
+    return list(map(one, records_of(now)))
+
+
+def _left_out(now: FitResult, strength: Array) -> float:
+    """Of a torque that is larger than all of them [N m]."""
+    return _most_asked(now) * float(strength @ _DEAD)
+
+
+def _dead(now: FitResult, strength: Array) -> float:
+    """The same over the rms torque."""
+    asked = np.concatenate([o.record.torque for o in records_of(now)])
+    return abs(_left_out(now, strength)) / float(np.sqrt(np.mean(asked**2)))
+
+
+def _say_dead_zone(now: FitResult, strength: Array) -> str:
+    out, unit = _left_out(now, strength), drive_unit("torque", now.plant.kind)
+    if out > 0:
+        return f"a drive with a dead zone, that leaves out the first {out:.2g} {unit} of what is asked for"
+    return f"a drive that makes up for a dead zone which it has not, by {-out:.2g} {unit} more than is asked for"
 
 
 def _of_power(now: FitResult) -> list[Torques]:
@@ -358,52 +388,52 @@ def _say_apart(what: str, change: Callable[[Array], Array]) -> Callable[[FitResu
     return say
 
 
-# ------------------------------------------------------------------------------- a torque that is periodic in time
+# ------------------------------------------------------------------------------- what is periodic in time
 
 
 def _of_line(now: FitResult) -> list[Torques]:
     """A sine in time, of its own phase in each record."""
-    seen, f = records_of(now), _line_in(now)
+    return _in_time(now, _line_in(now), lambda o: np.ones(len(o.record)))
+
+
+def _of_pulse(now: FitResult) -> list[Torques]:
+    """The same as a factor on friction."""
+    return _in_time(now, _line_in(now, np.sign), lambda o: _of_friction(now, o))
+
+
+def _in_time(now: FitResult, frequency: float, torque: Callable[[Observation], Array]) -> list[Torques]:
+    """A torque (n,) times a sine of a frequency [Hz]; nothing of a frequency of 0."""
+    seen = records_of(now)
 
     def one(k: int, o: Observation) -> Torques:
-        angle, sines = 2 * math.pi * f * o.record.time, np.zeros((len(o.record), 2 * len(seen)))
+        angle, sines = 2 * math.pi * frequency * o.record.time, np.zeros((len(o.record), 2 * len(seen)))
         sines[:, 2 * k], sines[:, 2 * k + 1] = np.cos(angle), np.sin(angle)
-        return _taking(sines)
+        return _taking(torque(o)[:, None] * sines)
 
-    return [one(k, o) for k, o in enumerate(seen)] if f else []
+    return [one(k, o) for k, o in enumerate(seen)] if frequency else []
 
 
-def _line_in(now: FitResult) -> float:
-    """Frequency of the sine in time that carries most of what is left [Hz]; 0 where it is little, or the motion's."""
-    seen = records_of(now)
+def _line_in(now: FitResult, sense: Callable[[Array], Array] = np.ones_like) -> float:
+    """Frequency of the sine in time that carries most of what is left, with a sign by the velocity [Hz]; 0 where it is
+    little, or the motion's."""
     left = np.split(now.misfit.residual(now.vector), now.misfit.splits)
-    least, most = _FEWEST_PERIODS / min(o.duration for o in seen), min(o.bandwidth for o in seen)
-    if least >= most:
-        return 0.0
-    f = np.arange(least, most, 1 / (_FINER * max(o.duration for o in seen)))
-
-    def carried(parts: Sequence[Array]) -> Array:
-        """(f,) share of the square."""
-        found = np.zeros(len(f))
-        for o, x in zip(seen, parts, strict=True):
-            n = scipy.fft.next_fast_len(_FINER * len(x), real=True)
-            found += np.interp(f, np.fft.rfftfreq(n, o.step), 2 * np.abs(np.fft.rfft(x, n)) ** 2 / len(x))
-        return found / max(sum(float(x @ x) for x in parts), 1e-300)
-
-    share = carried(left)
-    k = int(np.argmax(share))
-    moves = carried([o.velocity[o.index] for o in seen])[k]
-    return float(f[k]) if share[k] > _IN_WAVES and moves < _MOVES else 0.0
+    found = line(records_of(now), left, _FEWEST_PERIODS, sense)
+    return found.frequency if found.share > _IN_WAVES and found.moved[0] < _MOVES else 0.0
 
 
 def _height(strength: Array) -> float:
-    """Of the sine where it is highest [N m]."""
+    """Of the sine where it is highest."""
     return float(np.hypot(*np.reshape(strength, (-1, 2)).T).max())
 
 
 def _say_line(now: FitResult, strength: Array) -> str:
     unit = drive_unit("torque", now.plant.kind)
     return f"a torque that is periodic in time, at {_line_in(now):.3g} Hz, of up to {_height(strength):.2g} {unit}"
+
+
+def _say_pulse(now: FitResult, strength: Array) -> str:
+    depth = 100 * _height(strength)
+    return f"friction that pulsates in time, at {_line_in(now, np.sign):.3g} Hz, by up to {depth:.2g} % to either side"
 
 
 # ------------------------------------------------------------------------------- waves over the place
@@ -519,6 +549,12 @@ CAUSES = (
         taken_from=_asked_for,
     ),
     Cause(
+        ("hinge", "slide"), _of_dead_zone, _dead, _say_dead_zone,
+        "Torques that rise slowly from zero on the locked axis, to either side, with a torque sensor or the current "
+        "logged: where it begins to answer.",
+        taken_from=_asked_for,
+    ),
+    Cause(
         ("hinge", "slide"), _of_ripple, lambda now, s: float(np.hypot(*s)), _say_ripple,
         "A known load, as a weight on a lever, held at rest at many places, close together beside a wave.",
         taken_from=_asked_for,
@@ -564,6 +600,12 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_line, lambda now, s: _height(s) / _most_asked(now), _say_line,
         "The axis at rest with the drive on, and then off: what the torque and the position do by themselves.",
+    ),
+    Cause(
+        ("hinge", "slide"), _of_pulse, lambda now, s: _height(s), _say_pulse,
+        "Constant speeds, slow and fast, with whatever runs beside the axis, shakes it or feeds its bearing on and "
+        "off: a frequency that stays is that of time.",
+        taken_from=_of_friction,
     ),
     Cause(
         ("hinge", "slide"), _of_waves, lambda now, s: _at_most(now, s) / _most_asked(now), _say_waves,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ..frf import drive_unit
@@ -16,6 +15,7 @@ from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.inverse import Observation
 from ..identification.place_spectrum import wave
 from ..identification.servo_observation import ServoObservation, errors_of
+from ..identification.time_spectrum import line
 from ..plant import Plant
 
 Array = NDArray[np.float64]
@@ -65,9 +65,14 @@ _RECORDS_TOLD, _TOLD = 3, 6  # of those instants: records, and instants of each
 _PARTS = 8  # of a record, over which what is left has its mean
 _FEWEST_PERIODS = 4  # in a record: what comes back less often is not seen to be periodic, or to follow anything
 
+_ON_FRICTION = " as a factor on friction"
 _IN_TIME = (
     "what is periodic in time: the axis at rest with the drive on, and then off, with whatever runs beside it on and "
     "off, and the same run at another sampling rate."
+)
+_FRICTION_IN_TIME = (
+    "what is periodic in time and turns over with the direction: the axis at several constant speeds, with whatever "
+    "runs beside it, shakes it or feeds its bearing on and off. A frequency that stays is that of time."
 )
 _AT_PLACES = (
     "what is tied to the place: slow runs at three constant speeds or more over the same turns, in both directions. "
@@ -144,7 +149,7 @@ def _looks(
     residual = np.concatenate([p for _, p in runs])
     factors = {
         "": np.ones_like(residual),
-        " as a factor on friction": np.sign(velocity),
+        _ON_FRICTION: np.sign(velocity),
         " as a factor on the velocity": velocity,
         " as a factor on the square of the velocity": velocity**2,
         " as a factor on the torque": np.concatenate([o.band(mean_torque(o.record)) for o, _ in runs]),
@@ -157,7 +162,7 @@ def _looks(
         return [Reading(share, f"a constant, {constant:+.2g} {unit} ({_percent(share)})", _CONSTANT)]
     instants, times = _instants(runs, total)
     readings = [] if 0 < times < _FEWEST_PERIODS else [
-        _periodic(o, r),
+        _periodic(runs),
         _in_waves(position, residual, factors, plant.kind, alone),
         tied := _tied(position, residual, factors, plant.kind),
         _to_neighbour(runs, residual, tied.share),
@@ -278,15 +283,17 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def _periodic(o: Observation, r: Array) -> Reading:
-    """That the residual of a record is a line in time, and not of a motion that is periodic itself."""
-    f, power = scipy.signal.periodogram(np.stack([r, o.velocity[o.index]]), 1 / (o.stride * o.record.sample_time))
-    first = min(_FEWEST_PERIODS, len(f) - 1)
-    peak = int(np.argmax(power[0, first:])) + first
-    share, of_motion = power[:, max(peak - 1, 0) : peak + 2].sum(1) / np.maximum(power.sum(1), 1e-300)
-    if (peak == first and power[0, peak - 1] > power[0, peak]) or of_motion > _NOTABLE:  # the foot of a slower one
+def _periodic(runs: Sequence[tuple[Observation, Array]]) -> Reading:
+    """That it is a line in time, by itself or as a factor on friction, and not of a motion that is periodic itself."""
+    seen, left = zip(*runs, strict=True)
+    senses: dict[str, Callable[[Array], Array]] = {"": np.ones_like, _ON_FRICTION: np.sign}
+    lines = {k: line(seen, left, _FEWEST_PERIODS, sense) for k, sense in senses.items()}
+    factor = _loudest({k: found.share if found.moved.max() < _NOTABLE else 0.0 for k, found in lines.items()})
+    frequency, share, moved = lines[factor]
+    if moved.max() > _NOTABLE:
         return Reading(0.0)
-    return Reading(float(share), f"periodic in time at {f[peak]:.3g} Hz ({_percent(share)})", _IN_TIME)
+    experiment = _FRICTION_IN_TIME if factor else _IN_TIME
+    return Reading(share, f"periodic in time{factor} at {frequency:.3g} Hz ({_percent(share)})", experiment)
 
 
 def _in_waves(

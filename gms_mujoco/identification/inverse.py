@@ -390,16 +390,6 @@ class Observation:
             return self.band(self.seen_by(plant)._mean(joint, memory, finer)[0]) - self.rigid
         return self._banded(grid, self._path(plant, grid).torque(joint, memory)) - self.rigid
 
-    def replay_alone(self, effect: Effect) -> Array:
-        """(m,) `replay` of an effect by itself, kept: every start of a fit asks for the same ones."""
-        if effect not in self._alone:
-            self._alone[effect] = self.replay(Plant(1.0, (effect,)))
-        return self._alone[effect]
-
-    @cached_property
-    def _alone(self) -> dict[Effect, Array]:
-        return {}
-
     def elements(
         self, plant: Plant, joint: native.Joint, effect: int, memory: Array | None = None, grid: Grid | None = None
     ) -> Array:

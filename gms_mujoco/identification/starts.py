@@ -337,23 +337,18 @@ def _maxwell_slip(
     Args:
         spring: put one beside them in frequency responses too.
     """
-    springs = [
-        effects.find("gms")(stiffness=[1 / x], fraction=[1], coulomb=1, static=1, stribeck_velocity=1, attraction=1)
-        for x in distances
-    ]
-    units = [*springs, effects.find("viscous")(coefficient=1.0)]
     # What modulates friction modulates each spring too.
     bare = Plant(1.0, tuple(e for e in plant.effects if e.modulates))
     offset = [o.replay(bare) for o in observations]
 
-    def torque(o: Seen, e: Effect) -> Array:
-        return o.replay(bare + e) if bare.effects or not isinstance(o, Observation) else o.replay_alone(e)
-
     def column(e: Effect) -> Array:
-        return np.concatenate([b - torque(o, e) for o, b in zip(observations, offset, strict=True)])
+        return np.concatenate([b - o.replay(bare + e) for o, b in zip(observations, offset, strict=True)])
 
-    columns = each(column, units)
     applied = np.concatenate([o.applied(plant) for o in observations])
+    columns = [column(effects.find("viscous")(coefficient=1.0))]
+    if len(distances):
+        level = float(np.sqrt(np.mean(applied**2))) or 1.0
+        columns = [*_slipping(bare, np.asarray(distances), level, observations), *columns]
     inertial = np.concatenate([o.acceleration for o in observations])
     known = np.concatenate([o.replay(plant) for o in observations])
     if plant.inertia is None or not plant.inertia_known:
@@ -368,7 +363,7 @@ def _maxwell_slip(
     matrix = np.column_stack([*columns, *beside])
     scale = np.maximum(np.sqrt(np.mean(matrix**2, 0)), 1e-300)
     solution = scipy.optimize.nnls(matrix / scale, target)[0] / scale
-    n = len(springs)
+    n = len(distances)
     stuck = float(solution[-2] - solution[-1]) if beside or spring else 0.0
     if plant.inertia is not None and plant.inertia_known:
         return plant.inertia, float(solution[n]), solution[:n], stuck
@@ -377,6 +372,24 @@ def _maxwell_slip(
         inertia = 1e-3 * float(np.std(target) / np.std(inertial))
     inertia += sum(e.hidden_inertia for e in plant.effects)
     return inertia, float(solution[n]), solution[:n], stuck
+
+
+def _slipping(plant: Plant, distances: Array, level: float, observations: Sequence[Seen]) -> Array:
+    """(springs, m) torque that springs of level 1 take, one per break-away distance, beside what modulates friction.
+
+    They follow their level at once, as a start knows no rate at which they would.
+
+    Args:
+        level: of all of them together [N m], by which the instants are chosen at which their torque bends.
+    """
+    n = len(distances)
+    law = effects.find("gms")(
+        stiffness=level / n / distances, fraction=np.full(n, 1 / n), coulomb=level, static=level, stribeck_velocity=1.0,
+        attraction=_AT_ONCE * level / min(o.sample_time for o in observations),
+    )  # fmt: skip
+    whole = plant + law
+    joint, number = whole.joint(), [e.name for e in whole.effects if e.is_native].index(law.name)
+    return -n / level * np.concatenate(each(lambda o: o.elements(whole, joint, number), observations), axis=1)
 
 
 def _offset_and_spring(observations: Sequence[Seen]) -> list[Array]:

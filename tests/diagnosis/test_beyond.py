@@ -44,6 +44,11 @@ def _weak(r: Record) -> Record:
     return driven(r, r.torque / (1 - np.abs(r.torque) / (50 * LEVEL)))
 
 
+def _dead(r: Record) -> Record:
+    """The record of a drive that leaves out the first third of L."""
+    return driven(r, r.torque + np.sign(r.torque) * LEVEL / 3)
+
+
 def _sagging(r: Record) -> Record:
     """The record of a drive whose supply gives way, by a fifth at 1000 L W."""
     power = np.maximum(r.torque * Observation(r, 100.0).velocity, 0)
@@ -121,6 +126,13 @@ def test_an_inertia_that_varies_is_no_eccentric_encoder(harmonic: int) -> None:
 def test_a_torque_constant_that_falls_is_no_saturation() -> None:
     said = _said(SATURATED, [_weak(r) for r in runs(HEALTHY)])
     assert said.startswith("a torque constant that falls with the torque")
+
+
+@pytest.mark.parametrize("effect", [effects.CurrentLoopLag(time=1e-4), effects.AsymmetricFriction(level=0.1)])
+def test_a_drive_with_a_dead_zone_is_told_with_its_width(effect: Effect) -> None:
+    said = _said(effect, [_dead(r) for r in runs(HEALTHY)])
+    told = re.match("a drive with a dead zone, that leaves out the first (.*) N m", said)
+    assert told is not None and float(told[1]) == pytest.approx(LEVEL / 3, rel=0.2)
 
 
 @pytest.mark.parametrize("effect", [effects.TorqueOffset(torque=0.1 * LEVEL), effects.AsymmetricFriction(level=0.1)])
@@ -212,6 +224,17 @@ def test_a_torque_that_is_periodic_in_time_is_no_cogging() -> None:
     said = _said(COGGING, records)
     told = re.match(r"a torque that is periodic in time, at 50 Hz, of up to (\S+) N m", said)
     assert told is not None and float(told[1]) == pytest.approx(0.3 * LEVEL, rel=0.1)
+
+
+def test_friction_that_pulsates_is_no_wave_over_the_place() -> None:
+    def pulsing(r: Record, k: int) -> Record:
+        friction = r.torque - J * np.gradient(Observation(r, 100.0).velocity, r.time)
+        return driven(r, r.torque + 0.25 * np.sin(2 * np.pi * 7 * r.time + k) * friction)
+
+    said = _said(PLACED, [pulsing(r, k) for k, r in enumerate(runs(HEALTHY))])
+    told = re.match(r"friction that pulsates in time, at (\S+) Hz, by up to (\S+) %", said)
+    assert told is not None and float(told[1]) == pytest.approx(7, abs=0.1)
+    assert float(told[2]) == pytest.approx(25, abs=4)
 
 
 def test_waves_that_grow_with_the_speed_are_no_cogging() -> None:

@@ -10,6 +10,7 @@ from bench import HEALTHY, LEVEL, SAMPLE_TIME, J, runs
 from gms_mujoco import effects
 from gms_mujoco.diagnosis.remainder import describe, loudest
 from gms_mujoco.identification.frf_observation import Seen
+from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.plant import Plant
@@ -32,6 +33,10 @@ def _with(records: list[Record], torque: np.ndarray, which: tuple[int, ...] = (0
         replace(r, signals={**r.signals, "torque": r.torque + torque}) if i in which else r
         for i, r in enumerate(records)
     ]
+
+
+def _velocity(r: Record) -> np.ndarray:
+    return Observation(r, 100.0).velocity
 
 
 T = SAMPLE_TIME * np.arange(3000)
@@ -87,6 +92,23 @@ def test_what_comes_seldom_is_tied_to_nothing_else(records: list[Record]) -> Non
     said = _of(HEALTHY, _with(records, hit, which=(1,)))
     assert "instant" in said
     assert not any(other in said for other in ("tied to", "wanders", "a jump", "in waves", "another in each record"))
+
+
+def test_a_line_in_friction_is_no_line_of_the_torque(records: list[Record]) -> None:
+    """Each reversal turns it over: in the torque it stands at frequencies that nothing has."""
+    pulse = 0.3 * LEVEL * np.sin(2 * np.pi * 6 * T)
+    told = [replace(r, signals={**r.signals, "torque": r.torque + pulse * np.sign(_velocity(r))}) for r in records]
+    said = _of(HEALTHY, told).split("periodic in time as a factor on friction at ")[1]
+    assert float(said.split(" Hz")[0]) == pytest.approx(6, abs=0.3)
+
+
+@pytest.mark.parametrize("harmonic", [2, 3])
+def test_what_a_motion_does_itself_is_no_line(harmonic: int) -> None:
+    """An axis that swings at 2 Hz leaves twice and three times that, where it is misread."""
+    swing = np.sin(2 * np.pi * 2 * T)
+    r = Record("swing", T, {"position": swing, "torque": LEVEL * np.sin(2 * np.pi * 2 * harmonic * T + 0.3)})
+    o = Observation(r, 100.0)
+    assert "periodic in time" not in describe(Plant.axis(J), [o], [o.applied(Plant.axis(J))]).said
 
 
 @pytest.mark.parametrize("frequency", [0.4, 3.0])
@@ -233,6 +255,7 @@ def test_what_fades_as_the_torque_does_is_not_said_to(records: list[Record]) -> 
     ("torque", "subject"),
     [
         (lambda r, k: 0.2 * LEVEL * np.sin(2 * np.pi * 12 * T), "what is periodic in time"),
+        (lambda r, k: 0.3 * LEVEL * np.sin(38 * T) * np.sign(_velocity(r)), "what is periodic in time and turns"),
         (lambda r, k: 0.2 * LEVEL * np.sin(20 * r.position), "what is tied to the place"),
         (lambda r, k: 0.5 * LEVEL * (T > 1.6) * (k == 1), "what jumps"),
         (lambda r, k: 0.1 * np.where(np.abs(r.torque) < LEVEL, r.torque, 0.0), "what is tied to the torque"),

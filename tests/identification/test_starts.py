@@ -4,10 +4,29 @@ import numpy as np
 import pytest
 from bench import GMS, HEALTHY, J, runs
 
+import gms_mujoco as gms
 from gms_mujoco import effects
+from gms_mujoco.effect import Effect
 from gms_mujoco.identification.observe import observe
-from gms_mujoco.identification.starts import LONGEST_BREAK_AWAY, visible_limits
+from gms_mujoco.identification.starts import LONGEST_BREAK_AWAY, starts, visible_limits
 from gms_mujoco.plant import Plant
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        effects.ThermalDrift(amplitude=0.8, time_constant=1.0),
+        effects.AsymmetricFriction(level=0.4),
+        effects.PositionDependentFriction(harmonics=[3.0], amplitude=[0.5], phase=[1.0]),
+    ],
+    ids=lambda e: e.name,
+)
+def test_a_start_allows_for_what_modulates_friction(effect: Effect) -> None:
+    """With the effect it has the level of friction itself, without it that of both."""
+    seen = observe(runs(HEALTHY + effect), J)
+    start, *_ = starts(gms.baseline(J) + effect, seen)
+    level = float(np.asarray(GMS.values["coulomb"]))
+    assert start["gms"].coulomb == pytest.approx(level, rel=0.05)
 
 
 def test_an_element_that_has_become_a_spring_does_not_make_room_for_itself() -> None:
