@@ -228,7 +228,9 @@ def _searched(
     inertia_said = ""
     as_found = _with_law_of(search, start) if way.law else start
     other = Search(seen, select, free(as_found), without, patience=patience)
-    if way.halted or (not patience.is_at_end and is_doubtful(search, other)):
+    if way.halted or is_doubtful(search, other):
+        if patience.is_at_end:
+            patience.grant()
         instead = searched(other, free_law, part(report, 0.85, 0.9), search)
         if way.halted and not (is_needed(other, start) and corrected(search, other)):
             law = way.law

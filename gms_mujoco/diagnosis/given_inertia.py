@@ -111,13 +111,24 @@ def is_doubtful(search: Search, other: Search) -> bool:
     # Where noise leaves as much of what was fitted, and more only of blocks not seen, no inertia does better.
     if search.at_floor or last.error <= AT_FLOOR * last.floor or _is_told_between_moments(search):
         return False
-    much_less = max(floor + MUCH_LESS * max(least - floor, 0.0), AT_FLOOR**2 * floor)
+    much_less = _much_less(least, floor)
     misfit, x = last.misfit.onto(free(last.plant), last.vector)
-    if left_of(misfit, refined(misfit, nudge(misfit, x))) < much_less:
+    x = refined(misfit, nudge(misfit, x))
+    if left_of(misfit, x) < much_less:
         return True
+    # What else is missing may show beside the right inertia alone, and take more there than beside the given one.
+    if search.with_one_more(misfit, x) < _much_less(min(least, search.within_reach()), floor):
+        return True
+    if search.patience.is_at_end:
+        return False
     # Friction that has bent beside a wrong inertia does not find back from where it is.
     other.first(silent)
     return other.within_reach(much_less) < much_less
+
+
+def _much_less(left: float, floor: float) -> float:
+    """Squared residual that is much less than another, or no more than noise."""
+    return max(floor + MUCH_LESS * max(left - floor, 0.0), AT_FLOOR**2 * floor)
 
 
 def _is_told_between_moments(search: Search) -> bool:

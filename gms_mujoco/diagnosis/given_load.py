@@ -20,6 +20,7 @@ from ..identification.screen import Screen
 from ..plant import Plant
 from ..record import LOAD_ACTS, Record
 from .friction_shape import has_another_reading, slipping_back
+from .given_inertia import free
 from .judgement import FALSE_DISCOVERY_RATE, leaves_much_less
 from .search import Search
 
@@ -62,6 +63,7 @@ def grows_with_drive(search: Search) -> Plant | None:
     """The plant to search with where friction may grow with the torque of the drive, where that promises much beside
     what a search has come to that has ended above the noise floor, of records that know of no load; else None.
 
+    A given inertia that is wrong, or a torque constant, leaves what grows with that torque too: the refit may change it.
     A level that follows the torque of the drive falls often, and fast, and there friction by the letter of its
     switching law is another one: where a linear refit beside the usual reading promises little, fits of both decide.
     """
@@ -72,7 +74,7 @@ def grows_with_drive(search: Search) -> Plant | None:
     if any(isinstance(o, Observation) and o.record.get("load") is not None for o in seen):
         return None
     carried = by_drive(seen)
-    found = Screen(*last.misfit.onto(last.plant, last.vector, carried)).candidate(effects.find(LOADED))
+    found = Screen(*last.misfit.onto(free(last.plant), last.vector, carried)).candidate(effects.find(LOADED))
     if found is None or found.gain < _PROMISES or not p_value(search.held_out, found.held_out) < FALSE_DISCOVERY_RATE:
         return None
     if found.gain >= _PROMISES_MUCH:

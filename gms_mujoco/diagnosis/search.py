@@ -171,11 +171,12 @@ class Search:
         were all that there is to explain."""
         current = self.steps[-1].result
         misfit, x = current.misfit, current.vector
-        if math.isfinite(least) and self._with_one_more(*misfit.part(x, misfit.loudest(x)[:1])) > least:
+        if math.isfinite(least) and self.with_one_more(*misfit.part(x, misfit.loudest(x)[:1])) > least:
             return math.inf
-        return self._with_one_more(misfit, x)
+        return self.with_one_more(misfit, x)
 
-    def _with_one_more(self, misfit: Misfit, x: Array) -> float:
+    def with_one_more(self, misfit: Misfit, x: Array) -> float:
+        """The same beside a vector of another problem, of a plant with the same effects."""
         gains = [c.gain for c in self._candidates(Screen(misfit, x))]
         return (1 - max(gains, default=0.0)) * left_of(misfit, x)
 
