@@ -19,7 +19,8 @@ from .identification.habits import as_logged, may_be_otherwise
 from .identification.least_squares import nudge
 from .identification.misfit import Misfit
 from .identification.observe import Data, driven, expect_enough, loaded, observe
-from .identification.refine import finish, refined, to_end
+from .identification.placement import placed_later
+from .identification.refine import finish, finished, fit_to_end, refined, to_end
 from .identification.rough import begun, best_start
 from .identification.screen import Screen
 from .identification.starts import ELEMENTS, other_weakenings, shared_anew, slipping_anew
@@ -73,8 +74,9 @@ def fit(
     its uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from
     the goal (`servo_observation`). Parameters that have no value yet are started from the
     data; the others start where they are. Of several starts the one that leaves the least after a few steps goes on;
-    where it ends above the noise floor it goes on with the weakening of friction that each of them began with, until
-    one comes down to the floor. One that does not takes no place: beside an effect that the plant lacks, the lowest is
+    where it ends above the noise floor it goes on with elements of friction that slip later than they usually may, and
+    with the weakening of friction that each of the starts began with, until one comes down to the floor. One that does
+    not takes no place: beside an effect that the plant lacks, the lowest is
     the friction that has bent furthest to hide it. Responses alone are fitted twice more, each from the end so far:
     with elements that follow their level as at the start, then with a level that falls as at the start too. Those that
     come without a deviation are weighed by how rough a curve the points make beside the plant, and fitted again where
@@ -112,8 +114,18 @@ def fit(
 
 def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress) -> FitResult:
     misfit, x = _by_its_habits(plant, observations, fixed, report)
-    found = _turned_round(finish(misfit, x), plant, fixed)
+    found = _slipping_later(_turned_round(finish(misfit, x), plant, fixed), fixed)
     return _weakened_otherwise(found, plant, fixed, report)
+
+
+def _slipping_later(found: FitResult, fixed: Collection[str]) -> FitResult:
+    """The fit with elements of friction that slip later than they usually may, where it comes down to the noise floor by
+    that; that found where it does not."""
+    later = None if found.is_near_floor else placed_later(found.misfit, found.vector, fixed)
+    if later is None:
+        return found
+    other = fit_to_end(*later, fixed, below=found.nearly_noise)
+    return finished(other) if other.is_near_floor else found
 
 
 def _turned_round(found: FitResult, plant: Plant, fixed: Collection[str]) -> FitResult:

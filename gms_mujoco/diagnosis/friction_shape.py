@@ -17,13 +17,13 @@ from ..identification.inverse import Observation
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
-from ..identification.placement import parted, placed_anew
+from ..identification.placement import parted, placed_anew, placed_later
 from ..identification.refine import CLOSE_TO_FLOOR, fit_to_end, refine, refined
 from ..identification.scales import Scales
 from ..identification.starts import weakened
 from ..identification.undetermined import stuck_within
 from ..plant import Plant
-from .judgement import LEAST_SHARE, at_floor, floor_of, least_fall, left_of, takes, takes_of_both
+from .judgement import LEAST_SHARE, MUCH_LESS, at_floor, floor_of, least_fall, left_of, takes, takes_of_both
 from .moments import refit_between
 
 Array = NDArray[np.float64]
@@ -285,6 +285,21 @@ def has_another_reading(plant: Plant) -> bool:
 def slipping_back(plant: Plant) -> Plant:
     """The plant with friction by the letter of its switching law."""
     return plant.replace(plant["gms"].replace(slips_back=1.0))
+
+
+def later_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
+    """A fit with elements of friction that slip later than a fit lets them unasked, where one would and that leaves
+    much less; else the same.
+
+    Args:
+        now, left: the fit, and what it leaves on held-out blocks.
+    """
+    if "gms" not in now.plant or at_floor(now, left, _NEARLY_NOISE):
+        return now, left
+    later = placed_later(now.misfit, now.vector)
+    if later is None:
+        return now, left
+    return _better(now, left, fit_to_end(*later), 1 - MUCH_LESS)
 
 
 def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:

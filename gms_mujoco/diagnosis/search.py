@@ -31,6 +31,7 @@ from .friction_shape import (
     by_the_letter,
     elastic_bristle,
     fading_damping,
+    later_elements,
     more_elements,
     other_curve,
     plastic_bristle,
@@ -462,19 +463,23 @@ class Search:
         return not all(isinstance(o, FrfObservation) for o in self.seen) or is_told(trial.name, trial.result)
 
     def shape(self, at_last: bool = False) -> bool:
-        """Gives friction another reading of its law, another curve and more elements where they earn it; whether it has
-        another reading or curve.
+        """Gives friction elements that slip later, another reading of its law, another curve and more elements where
+        they earn it; whether it has any of these but more elements.
 
-        A curve that bends at will hides a part of an effect, a drag most of it. One that leaves more than an effect
-        would beside the present curve waits, until `at_last` no effect is found.
+        A curve that bends at will hides a part of an effect, a drag most of it, and an element that slips late a part of
+        a spring. What leaves more than an effect would beside the present friction waits, until `at_last` no effect is
+        found.
         """
         last = self.steps[-1]
         if not self.timed:
             return False
-        bends = elastic_bristle(*by_the_letter(last.result, last.held_out))
+        begun, before = last.result, last.held_out
+        late = later_elements(begun, before)
+        hides = late[0] is not begun and not at_last and self._explains_more(begun, before, late[1])
+        bends = elastic_bristle(*by_the_letter(*((begun, before) if hides else late)))
         read, left = fading_damping(*plastic_bristle(*bends))
         bent, best = other_curve(read, left)
-        self.waits = bent is not read and not at_last and self._explains_more(read, left, best)
+        self.waits = hides or (bent is not read and not at_last and self._explains_more(read, left, best))
         result, held_out = (read, left) if self.waits else more_elements(bent, best)
         self.steps[-1] = replace(last, result=result, held_out=held_out)
         self._shaped_at = result.error

@@ -24,7 +24,7 @@ from ..plant import Plant
 from .inverse import Observation
 from .least_squares import nudge
 from .misfit import Misfit
-from .starts import break_away_distances, gathered, longest_break_away
+from .starts import break_away_distances, gathered, is_softest, longest_break_away
 from .tall import gram, times
 
 Array = NDArray[np.float64]
@@ -38,6 +38,7 @@ _WORTH = 0.02  # of the cost, by which a move is to lower it
 _SPACING = 0.1  # of a grid of break-away distances: each is so much further than the one before
 _FINER = 5  # times finer it is made around those that are found to be of use
 _BEYOND = 2.0  # times nearer than the nearest element, and further than the furthest, it goes
+_LATER = 10.0  # times the usual limit, that an element slips later which would
 _AT_ONCE = 64  # elements that one law has
 _PATIENCE = 100  # changes of what is of use, for each distance
 
@@ -59,16 +60,28 @@ def placed(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfi
     return misfit, x
 
 
+def placed_later(misfit: Misfit, x: Array, fixed: Collection[str] = ()) -> tuple[Misfit, Array] | None:
+    """`placed_anew` with elements that slip later than they usually may, where one would; None where none would.
+
+    A stiff contact with most of the level says nothing of how late a soft one beside it slips. One that would stand for
+    a spring, or for what another effect does, does not leave much less: see to that.
+    """
+    if not may_be_anew(misfit) or not is_softest(misfit.plant(x)["gms"], misfit.observations):
+        return None
+    return placed_anew(misfit, x, fixed, later=_LATER)
+
+
 def placed_anew(
-    misfit: Misfit, x: Array, fixed: Collection[str] = (), most: int | None = None
+    misfit: Misfit, x: Array, fixed: Collection[str] = (), most: int | None = None, later: float = 1.0
 ) -> tuple[Misfit, Array] | None:
     """The same problem near a solution with all elements of `gms` placed anew; None where that leaves no less.
 
     Arguments as for `placed`, whose moves come first: few elements that are placed beside much that is wrong yet may go
     further astray. With `most` there are more of them, at most so many: a contact that gives way bit by bit asks for
-    many, and those that are parted one by one stand in each other's way.
+    many, and those that are parted one by one stand in each other's way. They may slip so many times `later` than
+    elements usually may.
     """
-    return _first_better(misfit, x, _anew(misfit, x, most), fixed) if may_be_anew(misfit) else None
+    return _first_better(misfit, x, _anew(misfit, x, most, later), fixed) if may_be_anew(misfit) else None
 
 
 def may_be_anew(misfit: Misfit) -> bool:
@@ -212,7 +225,7 @@ class _Shares:
         shares, left = scipy.optimize.nnls(triangle[:, :-1], triangle[:, -1], maxiter=_PATIENCE * len(distances))
         return shares / size, left**2
 
-    def grid(self) -> Array:
+    def grid(self, later: float) -> Array:
         """(k,) distances around those of the elements that slip in some record; none where none does."""
         seen, level = self.misfit.observations, self.share.sum() * float(np.asarray(self.gms.coulomb))
         slips = self.some & (level * self.distance <= break_away_distances(seen).max())
@@ -220,7 +233,7 @@ class _Shares:
             return np.empty(0)
         longest = longest_break_away(level * self.distance, level * self.share, seen) / level
         near, far = self.distance[slips].min() / _BEYOND, self.distance[slips].max()
-        far = max(far, min(_BEYOND * far, longest))
+        far = max(far, min(_BEYOND * later * far, later * longest))
         return np.exp(np.arange(np.log(near), np.log(far) + _SPACING, _SPACING))
 
     def _forces(self, distances: Array, parent: Indices) -> Array:
@@ -233,11 +246,11 @@ class _Shares:
         return self._project(np.concatenate(out).T)
 
 
-def _anew(misfit: Misfit, x: Array, most: int | None = None) -> Iterator[tuple[Effect, Indices]]:
+def _anew(misfit: Misfit, x: Array, most: int | None, later: float) -> Iterator[tuple[Effect, Indices]]:
     """Elements where the best shares on a grid of distances are, as many as there are, or more and at `most` so many,
     and the nearest of the present ones for each; nothing where that promises no less."""
     elements = _Shares(misfit, x)
-    grid = elements.grid()
+    grid = elements.grid(later)
     if not len(grid):
         return
     shares, _ = elements.on(grid)

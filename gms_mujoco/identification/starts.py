@@ -31,6 +31,7 @@ _WIDEST = 0.3  # of the travel: one that breaks away later hardly slips both way
 # it would hide gravity, asymmetry and drift. In units of the median break-away distance.
 LONGEST_BREAK_AWAY = 20.0
 _SOME = 0.01  # of the level: elements with less are not the friction beside which others are springs
+_ABOUT = 1.1  # times the softest that an element may be: it would be softer
 _IDLE = 1e-3  # of the level: an element with less does nothing
 _APART = 1.5  # times as soft, and as stiff, as an element are those that it is parted into
 _FINE_GRID = 40  # the same from frequency responses, whose amplitudes tell more
@@ -260,8 +261,7 @@ def _visible_weakening(law: Effect, observations: Sequence[Seen]) -> tuple[float
 def _visible_gms(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[float, float, float]]:
     gms = plant["gms"]
     stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * np.asarray(gms.coulomb)
-    total = float(level.sum())
-    softest = float(level.mean()) / longest_break_away(level / stiffness, level, observations)
+    total, softest = float(level.sum()), _softest(level, stiffness, observations)
     step = min(o.sample_time for o in observations)
     duration = max(o.duration for o in observations)
     names = [f"gms.stiffness[{i}]" for i in range(gms.elements)] if gms.elements > 1 else ["gms.stiffness"]
@@ -279,6 +279,18 @@ def _visible_gms(plant: Plant, observations: Sequence[Seen]) -> dict[str, tuple[
         above = float(np.asarray(gms.static) - np.asarray(gms.coulomb))
         limits["gms.static"] = (0.0, max(hardest - total, 0.1 * total), above)  # its coordinate: above the other level
     return limits
+
+
+def _softest(level: Array, stiffness: Array, observations: Sequence[Seen]) -> float:
+    """The softest that an element of friction may be, of those with these levels and stiffnesses."""
+    return float(level.mean()) / longest_break_away(level / stiffness, level, observations)
+
+
+def is_softest(gms: Effect, observations: Sequence[Seen]) -> bool:
+    """Whether an element with some of the level is as soft as these observations let one be."""
+    stiffness, level = np.asarray(gms.stiffness), np.asarray(gms.fraction) * float(np.asarray(gms.coulomb))
+    some = level > _SOME * level.sum()
+    return bool(np.any(stiffness[some] <= _ABOUT * _softest(level, stiffness, observations)))
 
 
 def longest_break_away(distances: Array, levels: Array, observations: Sequence[Seen]) -> float:
