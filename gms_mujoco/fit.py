@@ -119,8 +119,8 @@ def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], 
 
 
 def _slipping_later(found: FitResult, fixed: Collection[str]) -> FitResult:
-    """The fit with elements of friction that slip later than they usually may, where it comes down to the noise floor by
-    that; that found where it does not."""
+    """The fit with elements of friction that slip later than they usually may, where that brings it down to the noise
+    floor; that found where it does not."""
     later = None if found.is_near_floor else placed_later(found.misfit, found.vector, fixed)
     if later is None:
         return found

@@ -156,6 +156,19 @@ def test_a_fit_with_an_effect_begins_again_with_another_weakening_too(level: flo
     assert found.plant["asymmetric_friction"].level == pytest.approx(0.15, rel=0.01)
 
 
+def test_an_element_that_slips_late_beside_a_stiff_contact_is_found() -> None:
+    """A hundred times as late as the one that holds half of the level, and still in each record."""
+    distance, share = 5e-4 * np.array([1, 10, 100]), np.array([3, 2, 1]) / 6
+    level = float(np.asarray(HEALTHY["gms"].coulomb))
+    values = {k: HEALTHY["gms"].values[k] for k in ("coulomb", "static", "stribeck_velocity", "attraction")}
+    late = HEALTHY.replace(effects.GMS(3, fraction=share, stiffness=share * level / distance, **values))
+    found = fit(baseline(J), runs(late))
+    law = found.plant["gms"]
+    slips = np.asarray(law.fraction) * level / np.asarray(law.stiffness)
+    assert found.is_near_floor
+    assert float(np.asarray(law.fraction)[slips > 0.7 * distance[2]].sum()) == pytest.approx(share[2], abs=0.02)
+
+
 def test_friction_that_follows_its_level_at_once_is_fitted_to_the_floor() -> None:
     """Elements that are cut off at the level, as in many a simulation, follow it within a sample."""
     soft = GMS.replace(stiffness=[0.5, 0.05], static=1.4 * LEVEL, attraction=100 * LEVEL / SAMPLE_TIME)

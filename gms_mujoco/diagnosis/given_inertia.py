@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effect import Effect
+from ..fit import fit_observations
 from ..fit_result import FitResult, result_of
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
@@ -122,6 +123,11 @@ def is_doubtful(search: Search, other: Search) -> bool:
     if search.patience.is_at_end:
         return False
     # Friction that has bent beside a wrong inertia does not find back from where it is.
+    if len(search.steps) > 1:
+        begun = free(search.fits.fresh(last.plant))
+        afresh = fit_observations(begun, last.misfit.observations, below=much_less + undetermined)
+        if left_of(afresh.misfit, afresh.vector) < much_less:
+            return True
     other.first(silent)
     return other.within_reach(much_less) < much_less
 

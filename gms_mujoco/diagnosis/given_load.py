@@ -63,7 +63,7 @@ def grows_with_drive(search: Search) -> Plant | None:
     """The plant to search with where friction may grow with the torque of the drive, where that promises much beside
     what a search has come to that has ended above the noise floor, of records that know of no load; else None.
 
-    A given inertia that is wrong, or a torque constant, leaves what grows with that torque too: the refit may change it.
+    A given inertia that is wrong, or a torque constant, leaves what grows with that torque too: a refit may change it.
     A level that follows the torque of the drive falls often, and fast, and there friction by the letter of its
     switching law is another one: where a linear refit beside the usual reading promises little, fits of both decide.
     """

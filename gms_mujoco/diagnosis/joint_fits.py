@@ -183,7 +183,7 @@ class JointFits:
         where the others begin as the first does, or of a servo, which bends less, from here."""
         plants = [joined(plant, effect.replace(**form)) for form in ways]
         if not self.simulated:
-            starts = [best_start(self._fresh(p), self.few, below=below) for p in plants[:_STARTS]]
+            starts = [best_start(self.fresh(p), self.few, below=below) for p in plants[:_STARTS]]
             plants = starts + [starts[0].replace(p[effect.name]) for p in plants[_STARTS:]]
         return [begun(p, self.few, below=below) for p in plants]
 
@@ -224,7 +224,7 @@ class JointFits:
                 out.append((general, near, nudge(near, there)))
         return out
 
-    def _fresh(self, near: Plant) -> Plant:
+    def fresh(self, near: Plant) -> Plant:
         """The first plant, not fitted, with what was added to it as it stands in `near`, without what was replaced."""
         fresh = replace(self.start, effects=tuple(e for e in self.start.effects if e.name in near))
         for e in near.effects:
@@ -249,7 +249,7 @@ class JointFits:
         near = Misfit(misfit.plant(x), self.seen)
         if left_of(near, x) <= CLOSE_TO_FLOOR**2 * floor_of(now) or self.patience.is_short:
             return self.best(self.to_end(near, x))
-        afresh = fit_observations(self._fresh(misfit.plant(x)), self.seen, below=near.cost(x))
+        afresh = fit_observations(self.fresh(misfit.plant(x)), self.seen, below=near.cost(x))
         if afresh.is_near_floor:
             return afresh
         return min(self.to_end(near, x, afresh.misfit.cost(afresh.vector)), afresh, key=attrgetter("error"))
@@ -261,7 +261,7 @@ class JointFits:
         """
         if result.error <= AT_FLOOR * result.floor or self.patience.is_short:
             return result
-        begun = fit_observations(self._fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
+        begun = fit_observations(self.fresh(result.plant), self.seen, below=result.misfit.cost(result.vector))
         return min(result, begun, key=attrgetter("error"))
 
     def anew(self, name: str, result: FitResult) -> FitResult:

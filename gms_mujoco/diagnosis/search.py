@@ -466,8 +466,8 @@ class Search:
         """Gives friction elements that slip later, another reading of its law, another curve and more elements where
         they earn it; whether it has any of these but more elements.
 
-        A curve that bends at will hides a part of an effect, a drag most of it, and an element that slips late a part of
-        a spring. What leaves more than an effect would beside the present friction waits, until `at_last` no effect is
+        A curve that bends at will hides a part of an effect, a drag most of it, an element that slips late a part of a
+        spring. What leaves more than an effect would beside the present friction waits, until `at_last` no effect is
         found.
         """
         last = self.steps[-1]

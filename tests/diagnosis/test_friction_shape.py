@@ -10,6 +10,7 @@ from gms_mujoco.diagnosis.friction_shape import (
     elastic_bristle,
     fading_damping,
     following,
+    later_elements,
     more_elements,
     other_curve,
     other_kind,
@@ -28,6 +29,7 @@ from gms_mujoco.identification.misfit import Misfit
 from gms_mujoco.identification.observe import observe
 from gms_mujoco.identification.refine import finished, fit_to_end, refine
 from gms_mujoco.identification.screen import Screen
+from gms_mujoco.identification.starts import is_softest
 from gms_mujoco.plant import Plant
 
 
@@ -208,6 +210,14 @@ def test_the_other_usual_curve_is_taken_at_the_noise_floor_where_it_is_the_right
     assert found.plant["gms"].stribeck_exponent == 1.0
     assert found.plant["gms"].static == pytest.approx(1.6 * LEVEL, rel=0.03)
     assert other_kind(right, cross_validated(right.misfit, right.vector))[0] is right
+
+
+@pytest.mark.parametrize("stiffness", [0.3 * LEVEL, 3 * LEVEL])
+def test_an_element_that_slips_late_stands_for_no_spring(stiffness: float) -> None:
+    """It would slip later, and later again, without leaving much less."""
+    hidden = fit_observations(baseline(J), observe(runs(HEALTHY + effects.Spring(stiffness=stiffness)), J))
+    assert is_softest(hidden.plant["gms"], hidden.misfit.observations)
+    assert later_elements(hidden, cross_validated(hidden.misfit, hidden.vector))[0] is hidden
 
 
 def test_a_spring_is_tried_in_the_place_of_elements_that_slip_in_no_record() -> None:

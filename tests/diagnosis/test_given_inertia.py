@@ -56,6 +56,16 @@ def test_what_is_hidden_beside_a_wrong_inertia_is_found_with_it() -> None:
     assert found.plant.inertia == pytest.approx(J, rel=2e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.97, 1.04])
+def test_two_effects_beside_a_wrong_inertia_are_found_with_it(factor: float) -> None:
+    """Friction bends beside it, and neither another inertia nor one effect more alone explains much."""
+    hidden = effects.TorqueOffset(torque=0.2 * LEVEL), effects.QuadraticDrag(coefficient=3e-4 * LEVEL)
+    found = diagnose(replace(dataset(HEALTHY + hidden[0] + hidden[1]), inertia=factor * J))
+    assert [e.name for e in found.found] == ["torque_offset", "quadratic_drag"] and found.verdict == "explained"
+    assert found.plant.inertia == pytest.approx(J, rel=2e-3)
+
+
 @pytest.mark.parametrize("name", [None, *slow("delay", "quadratic_drag")])
 def test_a_right_inertia_is_not_doubted(name: str | None) -> None:
     records = dataset(HEALTHY + HIDDEN[name] if name else HEALTHY).fit
