@@ -32,6 +32,7 @@ from .threads import each
 
 Array = NDArray[np.float64]
 
+_RESTS = 0.5  # of the squared error, that is left where friction is determined: else most stands elsewhere
 WINDOW = 0.05  # s, over which a forward simulation is judged
 
 
@@ -165,8 +166,22 @@ class Comparison:
 
     @cached_property
     def where(self) -> str:
-        """Where the residual leaves its noise band most, in one or two lines."""
-        return self._residuals.where(self.views, self.regimes) if self.timed else ""
+        """Where the residual leaves its noise band most, in a few lines."""
+        said = self._residuals.where(self.views, self.regimes) if self.timed else ""
+        return "\n".join(filter(None, (said, self._at_rest)))
+
+    @property
+    def _at_rest(self) -> str:
+        """A sentence where most of the error stands where the axis does not move; else empty."""
+        error, floor = self.determined
+        if not self.records or error**2 >= _RESTS * self.error**2:
+            return ""
+        rest = 1 - np.mean(np.concatenate([r.observation.determined for r in self.records]))
+        return (
+            f"in {100 * rest:.0f} % of the time the axis moves less than its encoder resolves, and friction is "
+            f"whatever holds it: elsewhere the {self.score.name} is {100 * error:.2f} %, the noise floor "
+            f"{100 * floor:.2f} %"
+        )
 
     @cached_property
     def after_reversal(self) -> tuple[Array, Array, Array] | None:

@@ -133,6 +133,9 @@ def test_what_friction_does_below_a_count_is_no_part_of_what_the_motion_determin
     assert with_more(~told).determined == rests.determined
     error, floor = with_more(told).determined
     assert error > 2 * rests.determined[0] and floor == rests.determined[1] < rests.noise_floor
+    said = f"elsewhere the torque error is {100 * rests.determined[0]:.2f} %, the noise floor {100 * floor:.2f} %"
+    assert said in with_more(~told).where and said in str(with_more(~told))
+    assert "whatever holds it" not in with_more(told).where
 
 
 def test_the_loudest_is_where_most_of_the_squared_error_stands(healthy: Comparison) -> None:
