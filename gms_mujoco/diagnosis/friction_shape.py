@@ -294,12 +294,8 @@ def later_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
     Args:
         now, left: the fit, and what it leaves on held-out blocks.
     """
-    if "gms" not in now.plant or at_floor(now, left, _NEARLY_NOISE):
-        return now, left
-    later = placed_later(now.misfit, now.vector)
-    if later is None:
-        return now, left
-    return _better(now, left, fit_to_end(*later), 1 - MUCH_LESS)
+    later = None if at_floor(now, left, _NEARLY_NOISE) else placed_later(now.misfit, now.vector)
+    return (now, left) if later is None else _better(now, left, fit_to_end(*later), 1 - MUCH_LESS)
 
 
 def more_elements(now: FitResult, left: HeldOut) -> tuple[FitResult, HeldOut]:
