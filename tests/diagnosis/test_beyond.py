@@ -197,7 +197,7 @@ def test_friction_that_runs_in_over_the_way_does_not_drift_in_time() -> None:
 def test_a_body_that_friction_carries_along_is_no_coupling() -> None:
     said = _said(COUPLED, [_ringed(r) for r in runs(HEALTHY)])
     told = re.match(r"a body of (.*) % of the inertia, that friction carries along and lets slip,", said)
-    assert told is not None and float(told[1]) == pytest.approx(30, abs=8)
+    assert told is not None and float(told[1]) == pytest.approx(30, abs=3)
 
 
 @pytest.mark.slow
