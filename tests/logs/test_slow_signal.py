@@ -84,6 +84,8 @@ def test_the_axis_is_found_as_from_a_log_of_the_lower_rate(rows: int, tmp_path: 
     told = f"changes at every {rows} rows only, as one that is read at {2000 / rows:.4g} Hz"
     assert any(told in note for note in runs.notes)
     assert sum(map(len, runs.records)) == pytest.approx(len(run) / rows, abs=2)
-    found = fit(baseline(), runs.fit).plant
-    assert found.inertia == pytest.approx(0.02, rel=0.01)
-    assert found["viscous"].values["coefficient"] == pytest.approx(0.02, rel=0.1)
+    found = fit(baseline(), runs.fit)
+    assert found.error < 5e-3
+    assert found.plant.inertia == pytest.approx(0.02, rel=0.01)
+    low, high = found.plant.uncertainty["viscous.coefficient"]
+    assert low < 0.02 < high  # friction that weakens over all speeds may do a part of it
