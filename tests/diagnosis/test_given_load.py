@@ -100,7 +100,9 @@ def test_by_the_letter_of_its_law_friction_grows_with_the_torque_of_the_drive_to
     monkeypatch.setattr(given_load, "_PROMISES_MUCH", 1.0)
     d = diagnose(dataset(GEARED.replace(GEARED["gms"].replace(slips_back=1.0))), UNKNOWN)
     assert [e.name for e in d] == ["load_dependent_friction"] and d.plant["gms"].slips_back == 1
-    assert d.steps[1].validate_error < 0.5 * d.steps[0].validate_error
+    before, after = d.steps
+    assert after.result.error < 0.2 * before.result.error
+    assert after.validate_error < 0.6 * before.validate_error  # by the letter noise decides when elements slip back
 
 
 def test_a_fit_takes_the_torque_of_the_drive_where_no_load_was_logged() -> None:

@@ -57,7 +57,7 @@ def test_the_path_of_an_effect_that_was_passed_over_is_taken_where_it_leads_furt
 @pytest.mark.slow
 def test_a_search_stays_where_it_ended_if_no_other_path_leads_further() -> None:
     hum = 0.2 * LEVEL * np.sin(2 * np.pi * 12 * SAMPLE_TIME * np.arange(len(dataset(HEALTHY).fit[0])))
-    known = dataset(HEALTHY + LEANING.replace(level=0.3))
+    known = dataset(HEALTHY + LEANING.replace(level=0.25))
     records = [replace(r, signals={**r.signals, "torque": r.torque + hum}) for r in known.records]
     search = gone_astray(replace(known, records=tuple(records)))
     end, law = search.steps[-1], FrictionLaw(search, free=False)
