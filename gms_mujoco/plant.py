@@ -239,6 +239,10 @@ class Plant:
     def _joint(self) -> native.Joint:
         return native.Joint([(e.name, e.elements, e.packed) for e in self.effects if e.is_native])
 
+    def number_in_joint(self, name: str) -> int:
+        """Where a native effect of this plant stands among those of its `joint`."""
+        return [e.name for e in self.effects if e.is_native].index(name)
+
     @cached_property
     def memory_places(self) -> dict[str, slice]:
         """Where the state of each native effect before the first sample stands among the unknowns of the joint."""

@@ -288,12 +288,10 @@ def _periodic(runs: Sequence[tuple[Observation, Array]]) -> Reading:
     seen, left = zip(*runs, strict=True)
     senses: dict[str, Callable[[Array], Array]] = {"": np.ones_like, _ON_FRICTION: np.sign}
     lines = {k: line(seen, left, _FEWEST_PERIODS, sense) for k, sense in senses.items()}
-    factor = _loudest({k: found.share if found.moved.max() < _NOTABLE else 0.0 for k, found in lines.items()})
-    frequency, share, moved = lines[factor]
-    if moved.max() > _NOTABLE:
-        return Reading(0.0)
-    experiment = _FRICTION_IN_TIME if factor else _IN_TIME
-    return Reading(share, f"periodic in time{factor} at {frequency:.3g} Hz ({_percent(share)})", experiment)
+    shares = {k: found.share if found.moved.max() <= _NOTABLE else 0.0 for k, found in lines.items()}
+    factor = _loudest(shares)
+    said = f"periodic in time{factor} at {lines[factor].frequency:.3g} Hz ({_percent(shares[factor])})"
+    return Reading(shares[factor], said, _FRICTION_IN_TIME if factor else _IN_TIME)
 
 
 def _in_waves(

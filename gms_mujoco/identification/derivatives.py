@@ -213,7 +213,7 @@ class _OfEffect:
             parts.append(plant.part(self.name))
             joints.append(parts[-1].joint())
             memories.append(around.misfit.memory_of(parts[-1], there, self.number_of_record))
-        apart, number = len(blocks) + (states is not None), [e.name for e in self.native].index(self.name)
+        apart, number = len(blocks) + (states is not None), self.part.number_in_joint(self.name)
         found = self.seen.changes(self.part, joints, memories, self.grid, number, apart)
         split = apart * effect.elements
         by_element, whole = found[:split].reshape(apart, effect.elements, found.shape[1]), found[split:]

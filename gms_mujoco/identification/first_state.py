@@ -193,8 +193,7 @@ def _elements(o: Observation, plant: Plant, names: Sequence[str], memory: Array,
     out = np.zeros((len(memory), len(o.index)))
     for name in names:
         part, place = plant.part(name), plant.memory_places[name]
-        native = [e.name for e in part.effects if e.is_native]
         before = np.zeros(part.joint().n_memory)
         before[part.memory_places[name]] = memory[place]
-        out[place] = o.elements(part, part.joint(), native.index(name), before, grid)
+        out[place] = o.elements(part, part.joint(), part.number_in_joint(name), before, grid)
     return out

@@ -386,8 +386,7 @@ class Misfit:
         """
         here = self.plant(x)
         part, own = here.replace(effect).part(effect.name), here.memory_places[effect.name]
-        number = [e.name for e in part.effects if e.is_native].index(effect.name)
-        place, joint = part.memory_places[effect.name], part.joint()
+        place, joint, number = part.memory_places[effect.name], part.joint(), part.number_in_joint(effect.name)
 
         def one(k: int) -> Array:
             i, o = self.pieces[k]

@@ -400,7 +400,7 @@ def _slipping(plant: Plant, distances: Array, level: float, observations: Sequen
         attraction=_AT_ONCE * level / min(o.sample_time for o in observations),
     )  # fmt: skip
     whole = plant + law
-    joint, number = whole.joint(), [e.name for e in whole.effects if e.is_native].index(law.name)
+    joint, number = whole.joint(), whole.number_in_joint(law.name)
     return -n / level * np.concatenate(each(lambda o: o.elements(whole, joint, number), observations), axis=1)
 
 
