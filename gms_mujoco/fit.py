@@ -23,7 +23,7 @@ from .identification.placement import placed_later
 from .identification.refine import finish, finished, fit_to_end, refined, to_end
 from .identification.rough import begun, best_start
 from .identification.screen import Screen
-from .identification.starts import ELEMENTS, other_weakenings, shared_anew, slipping_anew
+from .identification.starts import ELEMENTS, other_weakenings, shared_anew, sliding_furthest, slipping_anew
 from .plant import Plant
 from .progress import Progress, part, silent
 from .servo_run import CONTROLLERS
@@ -112,7 +112,7 @@ def fit(
 
 
 def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress) -> FitResult:
-    misfit, x = _by_its_habits(plant, observations, fixed, report)
+    misfit, x = _from_what_slides(*_by_its_habits(plant, observations, fixed, report), plant, fixed)
     found = _slipping_later(_turned_round(finish(misfit, x), plant, fixed), fixed)
     return _weakened_otherwise(found, plant, fixed, report)
 
@@ -168,7 +168,8 @@ def fit_observations(
 ) -> FitResult:
     """`fit` on records that are already seen through a band, near enough to judge it, from the start that promises
     most; see `refine` for `below`."""
-    return result_of(*from_the_data(plant, observations, fixed, report, below))
+    found = from_the_data(plant, observations, fixed, report, below)
+    return result_of(*_from_what_slides(*found, plant, fixed, below))
 
 
 def fit_as_logged(plant: Plant, observations: Sequence[Seen], report: Progress = silent) -> FitResult:
@@ -185,6 +186,23 @@ def _by_its_habits(
             break
         misfit, x = from_the_data(plant, seen, fixed)
     return misfit, x
+
+
+def _from_what_slides(
+    misfit: Misfit, x: Array, plant: Plant, fixed: Collection[str], below: float = math.inf
+) -> tuple[Misfit, Array]:
+    """Above the noise floor, the fit from where the records lead to that slide furthest, if that leaves less.
+
+    What slides through forgets where its elements were, and its error is smooth in every parameter. To and fro within
+    the break-away distance each slip decides on all that come after it: what is wrong by a few per cent leaves as much
+    as anything, and many minima lie side by side.
+    """
+    seen = misfit.observations
+    if result_of(misfit, x).is_near_floor or not (sliding := sliding_furthest(seen)):
+        return misfit, x
+    there, y = from_the_data(plant, sliding, fixed)
+    anew, y = to_end(*begun(there.plant(y), seen, fixed), fixed, 40, min(below, misfit.cost(x)))
+    return (anew, y) if anew.cost(y) < misfit.cost(x) else (misfit, x)
 
 
 def _doubting(misfit: Misfit, x: Array) -> list[Seen] | None:

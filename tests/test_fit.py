@@ -156,6 +156,15 @@ def test_a_fit_with_an_effect_begins_again_with_another_weakening_too(level: flo
     assert found.plant["asymmetric_friction"].level == pytest.approx(0.15, rel=0.01)
 
 
+@pytest.mark.parametrize("seed", [13, 14, 24])
+def test_a_fit_begins_again_from_the_records_that_slide(seed: int) -> None:
+    """To and fro an asymmetry hangs on all slips before: from all records at once 7 to 10 times the floor was left."""
+    truth = HEALTHY + effects.AsymmetricFriction(level=0.15)
+    found = fit(UNKNOWN + effects.AsymmetricFriction(level=0.1), runs(truth, seed=seed))
+    assert found.error < 1.1 * found.floor
+    assert found.plant["asymmetric_friction"].level == pytest.approx(0.15, rel=0.02)
+
+
 def test_an_element_that_slips_late_beside_a_stiff_contact_is_found() -> None:
     """A hundred times as late as the one that holds half of the level, and still in each record."""
     distance, share = 5e-4 * np.array([1, 10, 100]), np.array([3, 2, 1]) / 6

@@ -172,7 +172,9 @@ def is_possible(effect: Effect) -> bool:
     bounded = [p for p in strengths(type(effect)) if p.upper < math.inf]
     inside = all(np.all(np.asarray(effect.values[p.name]) < _END * p.upper) for p in bounded)
     damping = table.get("damping")
-    return inside and (damping is None or damping.default >= 1 or float(np.ravel(effect.values["damping"])[0]) < 1)
+    if damping is None or damping.unit != "1" or damping.default >= 1:
+        return inside
+    return inside and float(np.ravel(effect.values["damping"])[0]) < 1
 
 
 def is_open(effect: Effect) -> bool:

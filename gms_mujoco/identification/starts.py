@@ -46,6 +46,7 @@ _CREEP_TIME = 5e-3  # s, as far from the least as from the longest that MuJoCo's
 _AT_ONCE = 20.0  # times as fast as the samples come: a level that is followed faster is followed within any instant
 _BENT = 0.25, 4.0  # exponents of Stribeck curves, beyond which they are steps
 _SETTLES = 3.0  # times as long as the records last: what settles more slowly has one level in all of them
+_FAR = 0.3  # of the mean speed of the fastest record: those as fast slide through what a slow one hangs on
 LAWS = ("gms", "lugre", "dahl", "stribeck", "frictionloss")  # of friction, that the data start
 ELEMENTS = 8  # of a law that has elements, if nobody asks for another number
 
@@ -158,6 +159,16 @@ def shared_anew(plant: Plant, found: Plant, observations: Sequence[Seen]) -> Pla
     share[most], share[least] = 0.5 * share[most], 0.5 * share[most] + share[least]
     stiffness[most], stiffness[least] = 0.5 * stiffness[most] / _APART, 0.5 * stiffness[most] * _APART
     return found.replace(law.replace(fraction=share, stiffness=stiffness))
+
+
+def sliding_furthest(observations: Sequence[Seen]) -> list[Observation]:
+    """The records that move furthest in their time; none where the others move about as far, or there are responses."""
+    records = [o for o in observations if isinstance(o, Observation)]
+    if len(records) < len(observations):
+        return []
+    speeds = [float(np.mean(np.abs(o.velocity))) for o in records]
+    furthest = [o for o, speed in zip(records, speeds, strict=True) if speed > _FAR * max(speeds)]
+    return furthest if len(furthest) < len(records) else []
 
 
 def _attraction(level: float, scales: Scales) -> float:

@@ -159,6 +159,8 @@ def test_an_effect_at_the_end_of_its_range_or_a_resonance_without_one_is_not_wha
     assert not is_possible(coupling(inertia=1e-5, frequency=1, damping=5))
     assert is_possible(effects.Backlash(inertia=1e-5, gap=0.01, frequency=100, damping=1))
     assert is_possible(effects.Cogging(harmonics=[2, 3], amplitude=[1, 2], phase=[0, 0]))
+    heavy = effects.LuGre(coulomb=30.0, static=40.0, stiffness=1e5, damping=2.0, stribeck_velocity=0.1)
+    assert is_possible(heavy)  # its damping is in N m s/rad, and no ratio
 
 
 def test_a_load_that_joins_a_plant_is_less_than_its_inertia() -> None:

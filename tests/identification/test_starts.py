@@ -8,7 +8,7 @@ import gms_mujoco as gms
 from gms_mujoco import effects
 from gms_mujoco.effect import Effect
 from gms_mujoco.identification.observe import observe
-from gms_mujoco.identification.starts import LONGEST_BREAK_AWAY, starts, visible_limits
+from gms_mujoco.identification.starts import LONGEST_BREAK_AWAY, sliding_furthest, starts, visible_limits
 from gms_mujoco.plant import Plant
 
 
@@ -27,6 +27,12 @@ def test_a_start_allows_for_what_modulates_friction(effect: Effect) -> None:
     start, *_ = starts(gms.baseline(J) + effect, seen)
     level = float(np.asarray(GMS.values["coulomb"]))
     assert start["gms"].coulomb == pytest.approx(level, rel=0.05)
+
+
+def test_the_records_that_slide_furthest_are_told_from_those_to_and_fro() -> None:
+    seen = observe(runs(HEALTHY), J)
+    assert [o.record.name for o in sliding_furthest(seen)] == ["fit_2"]
+    assert sliding_furthest(seen[2:]) == sliding_furthest([seen[2], seen[2]]) == []
 
 
 def test_an_element_that_has_become_a_spring_does_not_make_room_for_itself() -> None:
