@@ -214,8 +214,11 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
             if not any("load" in r.signals for r in records):
                 raise DataError("axis.load_acts: no record has a load")
             records = [r.with_acting_load(axis.load_acts) for r in records]
-        records, failed = plausible.answered(records, axis.inertia)
-        notes += failed
+        for mended in (plausible.without_spikes, plausible.answered):
+            records, failed = mended(records, axis.inertia)
+            notes += failed
+        records, clock = _from_the_first(records)
+        notes += filter(None, [clock])
         records, split = _split(records, uses) if records else ([], "")
         if records:
             notes += plausible.doubts(records, axis.inertia, axis.joint.kind)
@@ -230,6 +233,21 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         file.parent, tuple(records), axis.joint.kind, axis.inertia, axis.torque_constant, split, tuple(notes), frfs,
         axis.joint.name or None, robot=axis.robot,
     )  # fmt: skip
+
+
+def _from_the_first(records: list[Record]) -> tuple[list[Record], str]:
+    """Records by a clock that began long before them, as that of a computer does, with times that count from the first
+    stamp of all, and a sentence; else the same.
+
+    What settles as an axis warms up would be over before the first row. A clock that began before it by less than the
+    longest record lasts may have begun with the axis.
+    """
+    begins = min((float(r.time[0]) for r in records), default=0.0)
+    if abs(begins) <= max((float(np.ptp(r.time)) for r in records), default=0.0):
+        return records, ""
+    return [replace(r, time=r.time - begins) for r in records], (
+        f"the stamps begin at {round(begins, 6):.15g} s: times count from there"
+    )
 
 
 def _servo_set(table: Mapping[str, Any], folder: Path, joint: str | None) -> Dataset:

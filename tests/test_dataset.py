@@ -55,6 +55,22 @@ def test_a_plain_set_is_read_as_it_stands(tmp_path: Path) -> None:
     assert load(tmp_path / "dataset.toml").records[0].name == "run.csv"
 
 
+@pytest.mark.parametrize("begins", [86.4, 1.7e9, -50.0])
+def test_a_clock_that_began_long_before_counts_from_the_first_stamp(begins: float, tmp_path: Path) -> None:
+    """What warms up with time would be over; records one after the other stay so."""
+    later = {**RUN, "time": TIME + begins + 10.0}
+    formats.write(tmp_path / "later.csv", later)
+    both = RECORD + '[[record]]\nfile = "later.csv"\n'
+    runs = dataset(tmp_path, AXIS + both, **{**RUN, "time": TIME + begins})
+    assert [r.time[0] for r in runs.records] == pytest.approx([0.0, 10.0], abs=1e-6)
+    assert f"the stamps begin at {begins:.15g} s: times count from there" in runs.notes
+
+
+def test_a_clock_that_may_have_begun_with_the_axis_is_kept(tmp_path: Path) -> None:
+    runs = dataset(tmp_path, AXIS + RECORD, **{**RUN, "time": TIME + 0.15})
+    assert runs.records[0].time[0] == pytest.approx(0.15) and not [n for n in runs.notes if "stamps" in n]
+
+
 def test_a_whole_set_in_the_place_of_its_records_is_told_what_to_give(tmp_path: Path) -> None:
     runs = dataset(tmp_path, AXIS + RECORD)
     with pytest.raises(DataError, match=r"given as one of its parts: \.fit, \.select, \.validate or \.all$"):
@@ -357,7 +373,7 @@ def test_rounded_stamps_get_their_grid_back_and_samples_stay(tmp_path: Path) -> 
 def test_a_clock_in_single_precision_gets_its_grid_back(tmp_path: Path) -> None:
     time = (TIME + 1000).astype(np.float32).astype(float)
     runs = dataset(tmp_path, AXIS + RECORD + 'use = "fit"\n', **{**RUN, "time": time})
-    assert np.abs(runs.fit[0].time - TIME - 1000).max() < 1e-4 and "rounded" in runs.notes[0]
+    assert np.abs(runs.fit[0].time - TIME).max() < 1e-4 and "rounded" in runs.notes[0]
     assert np.array_equal(runs.fit[0].position, RUN["position"])
 
 

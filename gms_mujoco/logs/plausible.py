@@ -36,6 +36,8 @@ _AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
 _AT_END, _MOST_AT_END = 0.003, 0.8
 _FEW_ROWS, _SLOPE = 3, 4  # that a failed reading lasts at most, and that tell how fast an axis is beside it
 _RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what the others do at most
+_SPIKE = 10.0  # times what a motion is off a curve through the rows around, and bends there: a reading that failed
+_NO_TORQUE = 10.0  # times the largest torque of a record: none that acted
 _LATE = (8, 16, 32)  # rows within which a drive that lags or a log that is late has an axis answer
 _BEYOND = 2.0  # times the largest torque of the other rows
 _SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
@@ -66,22 +68,97 @@ def back_and_forth(position: Array) -> int:
     return int(np.argmin(step)) + 1
 
 
-def leap(position: Array, count: float | None = None) -> int | None:
+def leap(position: Array, count: float | None = None, stays: bool = False) -> int | None:
     """The first sample that no joint can have come to from the one before: a reading that failed, a counter that began
     anew; None where there is none.
 
     Between one sample and the next an axis goes little further than between those around them, and never many times as
     far as in nearly all others in which it moves: behind a coarse encoder a slow axis rests and steps by a count.
+
+    Args:
+        position: (n,) of a joint.
+        count: position of one encoder count; None where unknown.
+        stays: pass over what comes back a few samples later, see `without_spikes`.
     """
+    spikes = set(_spikes(position, count)[0].tolist()) if stays else set()
+    spikes |= {row + 1 for row in spikes}  # where it comes back
     step = np.diff(position)
     size = np.abs(step)
     usual = max(float(np.quantile(size, 0.99)), float(np.quantile(size[size > 0], _MOST)) if size.any() else 0.0)
     for i in np.flatnonzero(size > max(_LEAP * usual, _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))).tolist():
         near = np.arange(max(i - 3, 0), min(i + 4, len(step)))
         near = near[(near != i) & (step[near] * step[i] >= -(size[i] ** 2) / 2)]  # unless it leaps back
-        if _FAR * size[near].max(initial=0.0) < size[i]:
+        if _FAR * size[near].max(initial=0.0) >= size[i]:
+            continue
+        if not (stays and i + 1 in spikes):
             return i + 1
     return None
+
+
+def without_spikes(records: Sequence[Record], inertia: float | None) -> tuple[list[Record], list[str]]:
+    """Records without positions of a few rows that leap away from the motion and come back, and a sentence on each that
+    had some.
+
+    A bit that flips reads anything. To go there and back within a few rows takes an axis many times the largest torque.
+
+    Args:
+        records: of one axis.
+        inertia: [kg m^2] or [kg]; None: as the records roughly show it.
+
+    Raises:
+        DataError: a position leaps and comes back as no joint does, and nothing says what torque that takes.
+    """
+    spikes = [_spikes(r.position, r.resolution) for r in records]
+    smooth = [_put(r, rows, values) for r, (rows, values) in zip(records, spikes, strict=True)]
+    if inertia is None and any(len(rows) for rows, _ in spikes):
+        found = _rough(smooth)
+        inertia = found[0] if found else None
+    out, said = [], []
+    for r, (rows, values) in zip(records, spikes, strict=True):
+        takes = 2 * (inertia or 0.0) * np.abs(r.position[rows] - values) / ((_FEW_ROWS + 1) / 2 * r.sample_time) ** 2
+        wrong = takes > _NO_TORQUE * np.abs(r.torque).max()
+        mended = _put(r, rows[wrong], values[wrong])
+        if (at := leap(mended.position, r.resolution)) is not None:
+            raise DataError(f"{r.name}: position leaps from {mended.position[at - 1]:.6g} to {mended.position[at]:.6g} "
+                            f"and back at {r.time[at]:.5g} s, as no joint does; leave out what was read wrong, or take "
+                            "what is whole with span")
+        out.append(mended)
+        if wrong.any():
+            said.append(f"{r.name}: the position leaps and comes back in {int(wrong.sum())} rows, first at "
+                        f"{r.time[rows[wrong][0]]:.5g} s, as no torque in the log could move the axis: readings that "
+                        "failed, filled in")
+    return out, said
+
+
+def _put(record: Record, rows: NDArray[np.intp], values: Array) -> Record:
+    """A record with other positions (k,) in some rows."""
+    if not len(rows):
+        return record
+    position = record.position.copy()
+    position[rows] = values
+    return replace(record, signals={**record.signals, "position": position})
+
+
+def _spikes(position: Array, count: float | None) -> tuple[NDArray[np.intp], Array]:
+    """(k,) rows, a few at a time, in which a position is far from the curve that joins the motion before and after, and
+    these curves there. Where the motion before is not that after, an axis has been hit."""
+    values = np.full(len(position), np.nan)
+    for m in range(1, _FEW_ROWS + 1):
+        first = np.arange(2, len(position) - m - 1)
+        if not len(first):
+            break
+        before, after = position[first - 1], position[first + m]
+        arrives, leaves = before - position[first - 2], position[first + m + 1] - after
+        curve = scipy.interpolate.CubicHermiteSpline([0, m + 1], [before, after], [arrives, leaves])
+        across = curve(np.arange(1, m + 1))
+        away = np.abs(position[first + np.arange(m)[:, None]] - across).min(0)
+        goes = (after - before) / (m + 1)
+        bends = np.maximum(np.abs(goes - arrives), np.abs(goes - leaves))
+        least = max(_SPIKE * float(np.quantile(away, 1 - _RARE)), _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))
+        for i in np.flatnonzero((away > least) & (away > _SPIKE * bends)).tolist():
+            values[first[i] : first[i] + m] = across[:, i]
+    rows = np.flatnonzero(np.isfinite(values))
+    return (rows, values[rows]) if len(rows) <= _RARE * len(position) else (rows[:0], values[:0])
 
 
 def filled(record: Record) -> tuple[Record, int]:

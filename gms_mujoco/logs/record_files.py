@@ -250,7 +250,7 @@ def _without_jumps(signals: dict[str, Array], table: formats.Table, axis: Axis) 
         count = axis.joint.resolution if what == "position" else axis.resolution(other, kind)
         signals[what], note = turns.unwrapped(signals[what], kind, count, what)
         notes.append(note)
-        if (at := plausible.leap(signals[what], count)) is not None:
+        if (at := plausible.leap(signals[what], count, stays=what == "position")) is not None:
             before, after = signals[what][at - 1 : at + 1]
             si = "rad" if kind == "hinge" else "m"
             raise DataError(f"{table.place(at)}: {what} leaps from {before:.6g} to {after:.6g} {si} in one sample, "

@@ -110,18 +110,44 @@ def test_a_counter_that_runs_over_is_unwrapped(kind: str, tmp_path: Path) -> Non
     assert "as a counter of 12 bits does" in " ".join(runs.notes)
 
 
+def misread(value: float, *rows: int) -> Callable:
+    """Positions of which some rows read another."""
+    return lambda q: np.where(np.isin(np.arange(len(q)), rows), value, q)
+
+
 @pytest.mark.parametrize("wrong", [-9999.0, 30.0])
-@pytest.mark.parametrize("samples", [1, 3])
+@pytest.mark.parametrize("samples", [4, 40])
 def test_a_reading_that_failed_is_refused_with_its_line(wrong: float, samples: int, tmp_path: Path) -> None:
-    where = slice(700, 700 + samples)
-
-    def broken(q: np.ndarray) -> np.ndarray:
-        q = q.copy()
-        q[where] = wrong
-        return q
-
     with pytest.raises(DataError, match=r"line 702: position leaps"):
-        logged(tmp_path, position=broken)
+        logged(tmp_path, position=misread(wrong, *range(700, 700 + samples)))
+
+
+@pytest.mark.parametrize("axis", ["", f"inertia = {INERTIA}"])
+@pytest.mark.parametrize("wrong", [-9999.0, 30.0, 0.5])
+@pytest.mark.parametrize("samples", [1, 3])
+def test_a_position_that_leaps_and_comes_back_is_filled_in(
+    axis: str, wrong: float, samples: int, tmp_path: Path
+) -> None:
+    rows = [k + i for k in (300, 700, 2500) for i in range(samples)]
+    off = np.abs(RUN.position[rows] - wrong)
+    runs = logged(tmp_path, axis, position=misread(wrong, *rows))
+    assert f"the position leaps and comes back in {len(rows)} rows, first at 0.3 s" in " ".join(runs.notes)
+    assert np.abs(runs.fit[0].position - RUN.position).max() < 1e-3 * off.max()
+
+
+def test_a_position_that_leaps_and_comes_back_is_refused_where_nothing_says_what_that_takes(tmp_path: Path) -> None:
+    still = replace(RUN, signals={**RUN.signals, "torque": np.full(len(RUN), 0.1)})
+    with pytest.raises(DataError, match=r"leaps from -0.200616 to 30 and back at 0.7 s, as no"):
+        logged(tmp_path, run=still, position=misread(30.0, 700))
+
+
+def test_an_axis_that_is_hit_or_moves_as_the_torque_may_move_it_does_not_leap(tmp_path: Path) -> None:
+    """Against a stop it turns round within a sample; and to and fro in two rows of a slow log."""
+    bounces = np.round(np.abs(np.arange(len(RUN)) - 1500.2) * 2e-3, 6)
+    slow = RUN.time * 20
+    taps = 5e-3 * slow + np.where(np.arange(len(RUN)) % 300 == 150, 0.003, 0.0)
+    for change in ({"position": lambda _: bounces}, {"position": lambda _: taps, "time": lambda _: slow}):
+        assert not [n for n in logged(tmp_path, f"inertia = {INERTIA}", **change).notes if "leaps" in n]
 
 
 def test_a_quick_move_is_no_leap(tmp_path: Path) -> None:
