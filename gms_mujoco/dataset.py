@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 FILE = "dataset.toml"
 _FIT_SHARE = 0.6  # of a single record, in time
+_HARDLY = 0.1  # of the longest record: a clock that began so little before it began with it
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,7 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
         for mended in (plausible.without_spikes, plausible.answered):
             records, failed = mended(records, axis.inertia)
             notes += failed
-        records, clock = _from_the_first(records)
+        records, clock = _from_the_first(records, any("span" in e for e in entries))
         notes += filter(None, [clock])
         records, split = _split(records, uses) if records else ([], "")
         if records:
@@ -235,15 +236,20 @@ def load(path: str | Path, joint: str | None = None) -> Dataset:
     )  # fmt: skip
 
 
-def _from_the_first(records: list[Record]) -> tuple[list[Record], str]:
-    """Records by a clock that began long before them, as that of a computer does, with times that count from the first
-    stamp of all, and a sentence; else the same.
+def _from_the_first(records: list[Record], cut: bool) -> tuple[list[Record], str]:
+    """Records by a clock that began before them, as that of a computer does, with times that count from the first stamp
+    of all, and a sentence; else the same.
 
-    What settles as an axis warms up would be over before the first row. A clock that began before it by less than the
-    longest record lasts may have begun with the axis.
+    What settles as an axis warms up would be over before the first row.
+
+    Args:
+        records: of a set.
+        cut: whether some are the later parts of files: of these a clock may have begun with the axis where it began by
+            less than the longest of them before the first.
     """
     begins = min((float(r.time[0]) for r in records), default=0.0)
-    if abs(begins) <= max((float(np.ptp(r.time)) for r in records), default=0.0):
+    longest = max((float(np.ptp(r.time)) for r in records), default=0.0)
+    if abs(begins) <= (longest if cut else _HARDLY * longest):
         return records, ""
     return [replace(r, time=r.time - begins) for r in records], (
         f"the stamps begin at {round(begins, 6):.15g} s: times count from there"

@@ -16,18 +16,20 @@ from .diagnosis.conclusion import conclude, fits_alone, lowered
 from .diagnosis.custom import Shape, Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import (
-    choices,
+    add_law,
+    comes_further,
+    is_close,
     law_of,
     leading_further,
-    may_follow_the_letter,
-    much_better,
+    told_instead,
     with_law,
+    with_laws_added,
+    with_other_laws,
     would_be_better,
 )
 from .diagnosis.friction_shape import (
     fading_damping,
     other_kind,
-    slipping_back,
     with_exponents,
     with_many_elements,
     without_vanished,
@@ -247,18 +249,21 @@ def _searched(
         if load_said := grown(search, other):
             (seen, select), search, way = carried, other, instead
     law_said, late = way.law, way.late
-    if free_law and not (search.at_floor or search.hint):
-        plants = [] if patience.is_at_end else [with_law(start, law) for law in choices(start)[1:]]
-        if may_follow_the_letter(search):
-            plants.append(slipping_back(start))
+    if not (search.at_floor or search.hint):
+        plants = with_other_laws(search, start) if free_law else with_laws_added(start, without)
         others = [Search(seen, select, plant, without, search.timed, patience) for plant in plants]
-        others = leading_further(search, others)
+        if free_law or is_close(search):  # a simple law tells little of what is beside another
+            others = leading_further(search, others)
         if others and patience.is_at_end:
             patience.grant()
         for other in others:
             instead = searched(other, False, part(report, 0.9, 0.9), search)
-            if better := much_better(search, other):
-                search, late, law_said = other, instead.late, better
+            if comes_further(search, other):
+                if free_law:
+                    law_said = told_instead(search, other)
+                else:
+                    add_law(search, other)
+                search, late = other, instead.late
             if search.at_floor or patience.is_at_end:
                 break
     if free_law and (joined := join_laws(search)):

@@ -67,8 +67,9 @@ def test_a_clock_that_began_long_before_counts_from_the_first_stamp(begins: floa
 
 
 def test_a_clock_that_may_have_begun_with_the_axis_is_kept(tmp_path: Path) -> None:
-    runs = dataset(tmp_path, AXIS + RECORD, **{**RUN, "time": TIME + 0.15})
-    assert runs.records[0].time[0] == pytest.approx(0.15) and not [n for n in runs.notes if "stamps" in n]
+    for text, begins in ((RECORD, 0.01), (RECORD + "span = [0.08, 0.2]\n", 0.08)):
+        runs = dataset(tmp_path, AXIS + text, **{**RUN, "time": TIME + (begins if "span" not in text else 0.0)})
+        assert runs.records[0].time[0] == pytest.approx(begins) and not [n for n in runs.notes if "stamps" in n]
 
 
 def test_a_whole_set_in_the_place_of_its_records_is_told_what_to_give(tmp_path: Path) -> None:

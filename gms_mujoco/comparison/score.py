@@ -88,4 +88,10 @@ def above_floor(error: float, floor: float) -> str:
     """How far an error is above its noise floor, as in "1.3 times the noise floor"; "" where it is hardly."""
     if error <= NEAR_FLOOR * floor:
         return ""
-    return f"{error / floor:.2g} times the noise floor" if floor > 0 and error < np.inf else "above the noise floor"
+    return f"{times(error, floor)} the noise floor" if floor > 0 and error < np.inf else "above the noise floor"
+
+
+def times(one: float, other: float) -> str:
+    """How often one number is another, to two digits, as in "1.3 times"."""
+    ratio = one / other
+    return f"{ratio:.2g} times" if ratio < 100 else f"{float(f'{ratio:.2g}'):.0f} times"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..compare import Comparison
+from ..comparison.score import times
 from ..identification.undetermined import never_slips
 from .beyond import Hint
 from .custom import Scored
@@ -257,7 +258,7 @@ def _elsewhere(comparison: Comparison | None, look: Remainder) -> str:
     score = comparison.score
     size = f"{score.told(comparison.error)} of the {score.word} of the records that were not fitted"
     if error > AT_FLOOR * floor:
-        size += f", {error / floor:.2g} times what noise leaves"
+        size += f", {times(error, floor)} what noise leaves"
     return "; ".join(filter(None, (size, look.said)))
 
 

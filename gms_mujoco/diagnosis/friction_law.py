@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..effect import Effect
 from ..fit import fit_observations, from_the_data
 from ..fit_result import FitResult, result_of
+from ..identification.candidates import with_general_laws
 from ..identification.held_out import HeldOut, p_value
 from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
@@ -32,6 +33,7 @@ from .friction_shape import (
     other_curve,
     plastic_bristle,
     shaped_as,
+    slipping_back,
     turning_round,
 )
 from .judgement import (
@@ -173,7 +175,7 @@ class FrictionLaw:
         if now >= was:
             fall = "less is left of what a fit has not seen"
         found = [e.name for e in trial.result.plant.effects if e.name not in search.start and e.name != name]
-        with_it = " and ".join(["with it", *found])
+        with_it = "with it and what was found beside it by then" if found else "with it"
         self.said = "" if name == first else (
             f"{_told(trial.result.plant, name)} describes the friction, in the place of {first}: {with_it} {fall} "
             + (f"(p = {trial.p_value:.1g} on held-out blocks)" if trial.p_value < FALSE_DISCOVERY_RATE
@@ -191,12 +193,38 @@ class FrictionLaw:
                 search.first(silent)
 
 
-def may_follow_the_letter(search: Search) -> bool:
+def with_other_laws(search: Search, start: Plant) -> list[Plant]:
+    """Plants with each of the other laws of friction among which the data may choose, beside which a search that has
+    ended above the noise floor may come further."""
+    plants = [with_law(start, law) for law in choices(start)[1:]]
+    return [*plants, slipping_back(start)] if _may_follow_the_letter(search) else plants
+
+
+def _may_follow_the_letter(search: Search) -> bool:
     """Whether a search has ended far above the noise floor beside `gms` friction that sticks where it unwinds.
 
     Beside the other reading an effect that changes a level is another one, and `by_the_letter` looks near the floor."""
+    return has_another_reading(search.start) and search.timed and not is_close(search)
+
+
+def is_close(search: Search) -> bool:
+    """Whether a search has come close to the noise floor."""
     last = search.steps[-1].result
-    return has_another_reading(search.start) and search.timed and last.error > CLOSE_TO_FLOOR * last.floor
+    return last.error <= CLOSE_TO_FLOOR * last.floor
+
+
+def with_laws_added(start: Plant, without: Collection[str]) -> list[Plant]:
+    """The same of a plant whose law of friction is simple, and no more to be chosen: with each general one, which is an
+    effect that may be missing, in its place."""
+    return [plant for name, plant in with_general_laws(start).items() if name not in without]
+
+
+def add_law(search: Search, other: Search) -> None:
+    """Counts the law of friction that another search began with as the effect that a search from its simple one would
+    have added first."""
+    first, begun = search.steps[0], other.steps[0]
+    p = p_value(first.held_out, begun.held_out)
+    other.steps = [first, replace(begun, effect=law_of(other.start), p_value=p), *other.steps[1:]]
 
 
 def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
@@ -231,15 +259,19 @@ def _is_there(plant: Plant, other: Plant) -> bool:
     return law in plant and plant[law].values.get("slips_back") == other[law].values.get("slips_back")
 
 
-def much_better(search: Search, other: Search) -> str:
-    """A sentence where a search with another law of friction from its beginning leaves much less; else empty."""
+def comes_further(search: Search, other: Search) -> bool:
+    """Whether a search with another law of friction from its beginning leaves much less."""
     before, after = search.steps[-1].result, other.steps[-1].result
-    if not (leaves_much_less(before, after) and search.selects(after)):
-        return ""
-    laws = [_told(s.steps[-1].result.plant, law_of(s.start)) for s in (other, search)]
+    return leaves_much_less(before, after) and search.selects(after)
+
+
+def told_instead(search: Search, other: Search) -> str:
+    """The sentence on the law of a search that has come further than one with another law."""
+    one, its = (_told(s.steps[-1].result.plant, law_of(s.start)) for s in (other, search))
+    now, before = (100 * s.steps[-1].result.error for s in (other, search))
     return (
-        f"{laws[0]} describes the friction, in the place of {laws[1]}: with it and what is "
-        f"found beside it the torque error is {100 * after.error:.2f} %, else {100 * before.error:.2f} %"
+        f"{one} describes the friction, in the place of {its}: with it and what is found beside it the torque error is "
+        f"{now:.2f} %, else {before:.2f} %"
     )
 
 

@@ -14,6 +14,7 @@ from ..fit_result import FitResult
 from ..frf import drive_unit
 from ..identification.between_samples import mean_torque, second_difference
 from ..identification.inverse import Observation
+from ..identification.linear_model import LinearModel
 from ..identification.place_spectrum import wave
 from ..identification.time_spectrum import line
 from .history import faded, following, way
@@ -27,6 +28,10 @@ _SAGS = (0.0, 0.02, 0.2)  # s, that a supply takes to follow the power that is d
 _SCALES = np.geomspace(0.003, 1.0, 6)  # of the longest way, or the most heat, over which something fades
 _GRIPS = np.geomspace(0.003, 0.5, 8)  # of the largest acceleration, by which a body follows at most
 _SLEWS = np.geomspace(0.01, 0.7, 8)  # of the fastest change of the torque, that a drive follows at most
+_LIMITS = np.geomspace(0.15, 1.5, 8)  # of the largest torque, that a drive has at rest
+_FASTEST = np.geomspace(1.0, 10.0, 5)  # of the highest speed, at which it has none
+_CLOSER = 5  # looks, each half as far apart as the one before
+_NEARLY_ALL_OF_IT = 1.3  # times what is beyond a limit, or by as much less, may be left out
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _TWICE = 1.5  # waves to a revolution: fewer are one
@@ -284,6 +289,60 @@ def _say_slew(now: FitResult, strength: Array) -> str:
     rate = _slews(now)[np.argmax(strength)]
     unit = "N m/s" if now.plant.kind == "hinge" else "N/s"
     return f"a drive whose torque changes by no more than about {rate:.2g} {unit}"
+
+
+def _of_speed_limit(now: FitResult) -> list[Torques]:
+    """What a drive leaves out beyond a limit of its torque that falls with the speed, of those that explain most."""
+    limit = _speed_limit(now)
+    return [_taking(mean_torque(o.record, _beyond(o, *limit))[:, None]) for o in records_of(now)] if limit else []
+
+
+def _beyond(o: Observation, most: float, fastest: float) -> Array:
+    """(n,) torque beyond a limit that is `most` at rest, and nothing at a velocity of `fastest` the way it acts."""
+    u, falls = o.record.torque, most * np.clip(o.velocity / fastest, -1.0, 1.0)
+    return np.asarray(u - np.clip(u, -most - falls, most - falls))
+
+
+def _speed_limit(now: FitResult) -> tuple[float, float] | None:
+    """Largest torque at rest, and velocity at which there is none, of the limit that explains most of what is left;
+    None where none leaves out any torque.
+
+    It is looked for on a grid, and then ever closer around the best.
+    """
+    seen = records_of(now)
+    model = LinearModel(now.misfit, now.vector, now.misfit.residual(now.vector))
+
+    def explained(limits: Array) -> Array:
+        """(k,) squared residual that each of some limits (k, 2) takes."""
+        beyond = [np.stack([mean_torque(o.record, _beyond(o, *limit)) for limit in limits], 1) for o in seen]
+        bands = np.concatenate([_taking(b).band(o) for b, o in zip(beyond, seen, strict=True)])
+        free = model.without(bands * model.determined[:, None])
+        size = (free**2).sum(0)
+        along = free.T @ model.target
+        return np.where(along > 0, along**2 / np.maximum(size, 1e-300), 0.0) * (size > 0)
+
+    scale = np.array([_most_asked(now), max(float(np.abs(o.velocity).max()) for o in seen)])
+    limits, step = scale * np.stack(np.meshgrid(_LIMITS, _FASTEST), -1).reshape(-1, 2), _LIMITS[1] / _LIMITS[0]
+    for _ in range(_CLOSER):
+        taken = explained(limits)
+        best = limits[int(np.argmax(taken))]
+        step = math.sqrt(step)
+        limits = best * step ** np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), -1).reshape(-1, 2)
+    return (float(best[0]), float(best[1])) if taken.max() > 0 else None
+
+
+def _cut(now: FitResult, strength: Array) -> float:
+    """Share of the torque that is left out, of the record with most; 0 where less or more than what is beyond is."""
+    if not 1 / _NEARLY_ALL_OF_IT < float(strength[0]) < _NEARLY_ALL_OF_IT or (limit := _speed_limit(now)) is None:
+        return 0.0
+    return max(float(np.std(_beyond(o, *limit)) / np.std(o.record.torque)) for o in records_of(now))
+
+
+def _say_speed_limit(now: FitResult, strength: Array) -> str:
+    most, fastest = _speed_limit(now) or (0.0, 0.0)
+    torque, speed = drive_unit("torque", now.plant.kind), "rad/s" if now.plant.kind == "hinge" else "m/s"
+    return (f"a drive whose largest torque falls with the speed, from about {most:.2g} {torque} at rest to none at "
+            f"about {fastest:.2g} {speed}, as at the voltage of its supply")  # fmt: skip
 
 
 # ------------------------------------------------------------------------------- what fades in the course of a record
@@ -567,6 +626,12 @@ CAUSES = (
     Cause(
         ("hinge", "slide"), _of_slew, _slowed, _say_slew,
         "Steps of the torque on the locked axis, from small to large, with the current logged: how fast it rises.",
+        taken_from=_asked_for,
+    ),
+    Cause(
+        ("hinge", "slide"), _of_speed_limit, _cut, _say_speed_limit,
+        "The current and the voltage of the supply, logged while the axis speeds up as hard as it can: where the "
+        "current stays below what is asked for.",
         taken_from=_asked_for,
     ),
     Cause(

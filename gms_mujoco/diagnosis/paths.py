@@ -73,9 +73,9 @@ def _to_its_end(
     search: Search, friction: FrictionLaw, report: Progress, most: int = MOST_EFFECTS,
     before_it: Sequence[Search] = (), halt: Callable[[Search], bool] = _never,
 ) -> bool:  # fmt: skip
-    """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end and the last look
-    has not taken most of what was left, or one of those before it has been or is far ahead; whether it was to halt
-    before."""
+    """Goes on to where nothing more earns its place, there are `most` effects, patience is at its end and neither has
+    the last look taken most of what was left nor does another law of friction, or one of those before it has been or is
+    far ahead; whether it was to halt before."""
     # With another law, or once it sees the log by another of its habits, a search begins anew, and so do its rounds.
     k, seen, said, leaps = 0, search.seen, friction.said, False
     while k < MOST_ROUNDS:
@@ -83,10 +83,15 @@ def _to_its_end(
         seen, said = search.seen, friction.said
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
             return False
-        if k > 1 and not leaps and search.patience.is_at_end:
-            drop_false(search)
-            return False
         law = friction.better()
+        if k > 1 and not leaps and search.patience.is_at_end:
+            if law is None or not leaves_much_less(search.steps[-1].result, law.result):
+                drop_false(search)
+                return False
+            friction.take(law)  # beside what was found it may tell what no look at effects has
+            if halt(search):
+                return True
+            continue
         if law is not None and law.clear:
             friction.take(law)
             if halt(search):

@@ -20,11 +20,15 @@ from gms_mujoco.diagnosis.friction_law import (
     _NEAR,
     FrictionLaw,
     _strays,
+    add_law,
     choices,
+    comes_further,
+    law_of,
     leading_further,
-    may_follow_the_letter,
-    much_better,
+    told_instead,
     with_law,
+    with_laws_added,
+    with_other_laws,
 )
 from gms_mujoco.diagnosis.friction_shape import slipping_back
 from gms_mujoco.diagnosis.judgement import Trial
@@ -210,12 +214,12 @@ def _ended(error: float, floor: float, plant: Plant = HEALTHY, start: Plant = HE
     ("error", "floor", "better"), [(0.06, 0.05, True), (0.29, 0.05, False), (0.29, 0.28, False), (0.06, 0.001, True)]
 )
 def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
-    assert bool(much_better(_ended(0.3, 0.04), _ended(error, floor))) == better
+    assert comes_further(_ended(0.3, 0.04), _ended(error, floor)) == better
 
 
 def test_a_law_that_is_much_better_is_told_as_it_was_found() -> None:
     begun = CREEPS.replace(CREEPS["stribeck"].replace(creep_velocity=math.nan))
-    said = much_better(_ended(0.3, 0.04), _ended(0.06, 0.05, CREEPS, begun))
+    said = told_instead(_ended(0.3, 0.04), _ended(0.06, 0.05, CREEPS, begun))
     assert said.startswith("stribeck, which gives way below its level (creep velocity 0.3 rad/s), describes")
 
 
@@ -229,7 +233,23 @@ def test_another_reading_of_the_law_is_searched_with_where_it_plainly_promises_m
     search.first(silent)
     monkeypatch.setattr(Search, "within_reach", lambda self, least=math.inf: share if self is letter else 1.0)
     assert leading_further(search, [letter]) == [letter] * leads
-    assert may_follow_the_letter(search) and not may_follow_the_letter(letter)
+    laws = [law_of(plant) for plant in with_other_laws(search, UNKNOWN)]
+    assert laws[-1] == "gms" and "gms" not in laws[:-1]
+    assert "gms" not in [law_of(plant) for plant in with_other_laws(letter, UNKNOWN)]
+
+
+def test_a_search_from_simple_friction_may_begin_anew_with_a_general_law_that_counts_as_an_effect() -> None:
+    simple = Plant.axis(J) + effects.Coulomb() + effects.Viscous()
+    assert [law_of(p) for p in with_laws_added(simple, ())] == ["gms", "lugre"]
+    assert [law_of(p) for p in with_laws_added(simple, ["gms"])] == ["lugre"]
+    assert with_laws_added(UNKNOWN, ()) == []
+    seen = observe(runs(HEALTHY, seconds=1.0), J)
+    search, other = (Search(seen, [], plant) for plant in (simple, with_laws_added(simple, ())[0]))
+    for s in (search, other):
+        s.first(silent)
+    add_law(search, other)
+    assert [s.effect for s in other.steps] == [None, "gms"] and other.steps[0] is search.steps[0]
+    assert other.steps[1].p_value < 1e-6
 
 
 def test_what_it_hides_is_named_beside_its_own_law() -> None:
