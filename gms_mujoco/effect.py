@@ -60,7 +60,8 @@ class Effect:
             counts = ", ".join(f"{k} has {n}" for k, n in sizes.items())
             raise ModelError(f"{self.name}: parameters per element must have equally many values; {counts}")
         if elements is not None and not any(p.per_element for p in self.parameters):
-            raise ModelError(f"{self.name} has no elements; give its parameters by name, out of {listing(table)}")
+            raise ModelError(f"{self.name}: parameters are given by name, out of {listing(table)}; {elements!r} given "
+                             "without one, which is the number of elements, and it has none")
         if elements is not None and (isinstance(elements, bool) or not isinstance(elements, int | np.integer)):
             raise ModelError(f"{self.name}: elements is a whole number; {elements!r} given")
         n = next(iter(sizes.values()), 1 if elements is None else elements)

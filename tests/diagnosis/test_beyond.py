@@ -9,6 +9,7 @@ import pytest
 from bench import GMS, HEALTHY, LEVEL, UNKNOWN, J, dataset, driven, runs, slow, worn
 
 from gms_mujoco import effects
+from gms_mujoco.bench import run_loop
 from gms_mujoco.dataset import Dataset
 from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.beyond import beyond
@@ -47,6 +48,19 @@ def _weak(r: Record) -> Record:
 def _dead(r: Record) -> Record:
     """The record of a drive that leaves out the first third of L."""
     return driven(r, r.torque + np.sign(r.torque) * LEVEL / 3)
+
+
+def _at_its_voltage(r: Record, most: float, fastest: float) -> Record:
+    """The record of a drive that was asked for a torque, whose largest falls from one at rest to none at a velocity."""
+    row = iter(r.torque)
+
+    def drive(seen: np.ndarray) -> float:
+        falls = most * seen[6] / fastest
+        return float(np.clip(next(row), -most - falls, most - falls))
+
+    rest = np.full(len(r), r.position[0])
+    moved = run_loop(HEALTHY, drive, rest, r.sample_time, position=r.position[0], resolution=r.resolution)
+    return replace(moved, name=r.name, signals={**moved.signals, "torque": r.torque})
 
 
 def _sagging(r: Record) -> Record:
@@ -133,6 +147,20 @@ def test_a_drive_with_a_dead_zone_is_told_with_its_width(effect: Effect) -> None
     said = _said(effect, [_dead(r) for r in runs(HEALTHY)])
     told = re.match("a drive with a dead zone, that leaves out the first (.*) N m", said)
     assert told is not None and float(told[1]) == pytest.approx(LEVEL / 3, rel=0.2)
+
+
+def test_a_largest_torque_that_falls_with_the_speed_is_told_with_its_line() -> None:
+    fastest = max(float(np.abs(np.gradient(r.position, r.time)).max()) for r in runs(HEALTHY))
+    said = _said(SATURATED, [_at_its_voltage(r, 8 * LEVEL, fastest) for r in runs(HEALTHY)])
+    told = re.match("a drive whose largest torque falls with the speed, from about (.*) N m at rest to none at about "
+                    "(.*) rad/s, as", said)  # fmt: skip
+    assert told is not None
+    assert [float(x) for x in told.groups()] == pytest.approx([8 * LEVEL, fastest], rel=0.2)
+
+
+def test_a_largest_torque_that_is_the_same_at_all_speeds_is_a_saturation() -> None:
+    limited = HEALTHY + effects.TorqueSaturation(limit=5 * LEVEL)
+    assert _said(SATURATED, runs(limited)) == ""
 
 
 @pytest.mark.parametrize("effect", [effects.TorqueOffset(torque=0.1 * LEVEL), effects.AsymmetricFriction(level=0.1)])

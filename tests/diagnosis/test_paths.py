@@ -86,7 +86,7 @@ def test_friction_gets_another_shape_beside_an_effect_that_was_passed_over(monke
 
 def test_a_search_ends_where_another_has_been(monkeypatch: pytest.MonkeyPatch) -> None:
     """It would go on from there as that one did."""
-    search = gone_astray(dataset(HEALTHY + LEANING.replace(level=0.3)))
+    search = gone_astray(dataset(HEALTHY + OFFSET.replace(torque=0.3 * LEVEL) + HIDDEN["cogging"]))
     asked: list[Search] = []
 
     def none_more(search: Search, report: object, law: object) -> bool:
