@@ -250,7 +250,7 @@ def _searched(
             (seen, select), search, way = carried, other, instead
     law_said, late = way.law, way.late
     if not (search.at_floor or search.hint):
-        plants = with_other_laws(search, start) if free_law else with_laws_added(start, without)
+        plants = with_other_laws(search, start) if free_law else with_laws_added(search, start)
         others = [Search(seen, select, plant, without, search.timed, patience) for plant in plants]
         if free_law or is_close(search):  # a simple law tells little of what is beside another
             others = leading_further(search, others)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -213,10 +213,11 @@ def is_close(search: Search) -> bool:
     return last.error <= CLOSE_TO_FLOOR * last.floor
 
 
-def with_laws_added(start: Plant, without: Collection[str]) -> list[Plant]:
+def with_laws_added(search: Search, start: Plant) -> list[Plant]:
     """The same of a plant whose law of friction is simple, and no more to be chosen: with each general one, which is an
-    effect that may be missing, in its place."""
-    return [plant for name, plant in with_general_laws(start).items() if name not in without]
+    effect that may be missing, in its place; none where no records tell it."""
+    laws = with_general_laws(start) if search.timed else {}
+    return [plant for name, plant in laws.items() if name not in search.without]
 
 
 def add_law(search: Search, other: Search) -> None:

@@ -31,7 +31,7 @@ _SLEWS = np.geomspace(0.01, 0.7, 8)  # of the fastest change of the torque, that
 _LIMITS = np.geomspace(0.15, 1.5, 8)  # of the largest torque, that a drive has at rest
 _FASTEST = np.geomspace(1.0, 10.0, 5)  # of the highest speed, at which it has none
 _CLOSER = 5  # looks, each half as far apart as the one before
-_NEARLY_ALL_OF_IT = 1.3  # times what is beyond a limit, or by as much less, may be left out
+_AS_MUCH = 1.3  # times what is beyond a limit, or by as much less, may be left out
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _TWICE = 1.5  # waves to a revolution: fewer are one
@@ -333,7 +333,7 @@ def _speed_limit(now: FitResult) -> tuple[float, float] | None:
 
 def _cut(now: FitResult, strength: Array) -> float:
     """Share of the torque that is left out, of the record with most; 0 where less or more than what is beyond is."""
-    if not 1 / _NEARLY_ALL_OF_IT < float(strength[0]) < _NEARLY_ALL_OF_IT or (limit := _speed_limit(now)) is None:
+    if not 1 / _AS_MUCH < float(strength[0]) < _AS_MUCH or (limit := _speed_limit(now)) is None:
         return 0.0
     return max(float(np.std(_beyond(o, *limit)) / np.std(o.record.torque)) for o in records_of(now))
 

@@ -128,7 +128,7 @@ def test_beside_another_law_a_search_is_as_patient_as_at_first() -> None:
             spent.add(10**9)
         law.take(trial)
         assert not search.patience.is_at_end
-    assert "in the place of gms: with it and torque_offset the torque error falls from" in law.said
+    assert "in the place of gms: with it and what was found beside it by then the torque error" in law.said
 
 
 @pytest.mark.slow
@@ -240,11 +240,13 @@ def test_another_reading_of_the_law_is_searched_with_where_it_plainly_promises_m
 
 def test_a_search_from_simple_friction_may_begin_anew_with_a_general_law_that_counts_as_an_effect() -> None:
     simple = Plant.axis(J) + effects.Coulomb() + effects.Viscous()
-    assert [law_of(p) for p in with_laws_added(simple, ())] == ["gms", "lugre"]
-    assert [law_of(p) for p in with_laws_added(simple, ["gms"])] == ["lugre"]
-    assert with_laws_added(UNKNOWN, ()) == []
     seen = observe(runs(HEALTHY, seconds=1.0), J)
-    search, other = (Search(seen, [], plant) for plant in (simple, with_laws_added(simple, ())[0]))
+    search = Search(seen, [], simple)
+    general = with_laws_added(search, simple)
+    assert [law_of(p) for p in general] == ["gms", "lugre"]
+    assert [law_of(p) for p in with_laws_added(Search(seen, [], simple, ["gms"]), simple)] == ["lugre"]
+    assert with_laws_added(Search(seen, [], UNKNOWN), UNKNOWN) == []
+    other = Search(seen, [], general[0])
     for s in (search, other):
         s.first(silent)
     add_law(search, other)
