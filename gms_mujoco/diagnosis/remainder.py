@@ -28,11 +28,13 @@ class Reading(NamedTuple):
         share: of the square, that it carries.
         said: of it.
         experiment: that tells what it is; empty where the words say it.
+        in_part: whether it stands in a part of what it is tied to.
     """
 
     share: float
     said: str = ""
     experiment: str = ""
+    in_part: bool = False
 
 
 class Remainder(NamedTuple):
@@ -93,7 +95,11 @@ _CONSTANT = (
     "runs in both directions, for a torque that leans on the axis."
 )
 _JUMPS = "what jumps: the same run three times in a row. It comes back at that instant, at that place, or not at all."
-_WANDERS = "what changes in the course of a record: one run twice, cold and after an hour of use."
+_WANDERS = (
+    "what changes in the course of a record: the same run twice in a row, and once more after an hour at rest. What "
+    "comes back each time is of the axis and its motion, what comes back after the rest alone is heat, and what does "
+    "neither comes from outside."
+)
 _BETWEEN_RECORDS = (
     "what is another in each record: one run again after each of the others, unchanged, with the temperature and all "
     "that was mounted written down."
@@ -161,10 +167,14 @@ def _looks(
     if share > _MOSTLY_THERE:  # it has that value at each place and speed, too
         return [Reading(share, f"a constant, {constant:+.2g} {unit} ({_percent(share)})", _CONSTANT)]
     instants, times = _instants(runs, total)
+    tied = _tied(position, residual, factors, plant.kind)
+    waves = _in_waves(position, residual, factors, plant.kind, alone)
+    if tied.in_part and tied.share > waves.share - _CLEARLY:  # a stop, or a latch, is no wave
+        waves = Reading(0.0)
     readings = [] if 0 < times < _FEWEST_PERIODS else [
         _periodic(runs),
-        _in_waves(position, residual, factors, plant.kind, alone),
-        tied := _tied(position, residual, factors, plant.kind),
+        waves,
+        tied,
         _to_neighbour(runs, residual, tied.share),
         Reading(share := _explained(velocity, residual, factors[""])[1], f"tied to velocity ({_percent(share)})",
                 _AT_SPEEDS),
@@ -317,7 +327,7 @@ def _tied(position: Array, residual: Array, factors: Mapping[str, Array], kind: 
     there, share = tied[factor]
     unit = "rad" if kind == "hinge" else "m"
     part = f", most of it from {there[0]:.3g} to {there[1]:.3g} {unit}" if there else ""
-    return Reading(share, f"tied to the {what}{factor} ({_percent(share)}{part})", _AT_PLACES)
+    return Reading(share, f"tied to the {what}{factor} ({_percent(share)}{part})", _AT_PLACES, bool(there))
 
 
 def _to_neighbour(runs: Sequence[tuple[Observation, Array]], residual: Array, own: float) -> Reading:

@@ -166,6 +166,15 @@ def test_a_part_of_the_range_is_said_with_its_ends(records: list[Record]) -> Non
     assert at < float(begin) < float(end) == pytest.approx(max(r.position.max() for r in records), rel=0.01)
 
 
+@pytest.mark.parametrize("share", [0.8, 0.9])
+def test_a_stop_is_no_wave(records: list[Record], share: float) -> None:
+    """It stands at places from one on, where waves as long would stand all over."""
+    at = float(np.quantile(np.concatenate([r.position for r in records[:2]]), share))
+    stops = [_with([r], 20 * LEVEL * np.maximum(r.position - at, 0.0), (0,))[0] for r in records[:2]]
+    said = _of(HEALTHY, stops)
+    assert "tied to the place" in said and "most of it from" in said and "waves" not in said
+
+
 def test_velocity_is_said() -> None:
     said = _of(HEALTHY, runs(HEALTHY + effects.QuadraticDrag(coefficient=LEVEL / 30**2)))
     assert "tied to velocity" in said and "instant" not in said
