@@ -17,6 +17,7 @@ from .diagnosis.custom import Shape, Shapes, expect_torques, named, scored
 from .diagnosis.findings import Diagnosis, Rejected
 from .diagnosis.friction_law import (
     add_law,
+    brought_back,
     comes_further,
     is_close,
     law_of,
@@ -279,6 +280,7 @@ def _with_law_of(search: Search, plant: Plant) -> Plant:
 def _ended(search: Search, start: Plant) -> tuple[FitResult, str]:
     """The last fit at its end, without effects that are none there, and since when the records are off it."""
     while True:
+        brought_back(search)
         kept = search.steps[-1]
         if search.timed and not search.patience.is_at_end:
             result, held_out = fading_damping(*other_kind(kept.result, kept.held_out))

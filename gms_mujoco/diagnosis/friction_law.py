@@ -57,6 +57,7 @@ Array = NDArray[np.float64]
 # its level at once, and remembers nothing. So does `frictionloss`, which MuJoCo has and no bearing.
 _TRIED_WITH = {"stribeck": {"creep_velocity": math.nan}}
 _STRONGEST = 4.0  # times the level of sliding, which no friction at rest is
+_HARDLY_MORE = 1.02  # times an error: one that is larger by less is as good
 _NEAR = 1.2  # times what the own law leaves: another that leaves more does not take its place
 _IN_REACH = 10.0  # times it, from where another exponent may still bring it there
 _NEARLY_ALL = 0.9  # of the squared error above the floor, that no effect takes in the place of another law
@@ -280,6 +281,23 @@ def _strays(plant: Plant) -> bool:
     """Whether friction comes out many times as strong at rest as while it slides: few samples told so, if any."""
     laws = [e for e in plant.effects if "static" in e.values]
     return any(float(np.asarray(e.static)) > _STRONGEST * float(np.asarray(e.coulomb)) for e in laws)
+
+
+def brought_back(search: Search) -> bool:
+    """Takes the last plant from the beginning again where friction has come out as no bearing is, and that leaves
+    hardly more and is one; whether it has.
+
+    Of what little slides, many levels leave as much, and each of them says something else of another record.
+    """
+    last = search.steps[-1].result
+    if not (search.timed and _strays(last.plant)):
+        return False
+    afresh = fit_observations(search.fits.fresh(last.plant), last.misfit.observations)
+    if _strays(afresh.plant) or afresh.error > _HARDLY_MORE * last.error:
+        return False
+    held_out = cross_validated(afresh.misfit, afresh.vector)
+    search.steps[-1] = replace(search.steps[-1], result=afresh, held_out=held_out)
+    return True
 
 
 def _forms(law: Effect) -> tuple[Effect, ...]:

@@ -24,6 +24,7 @@ _SHARP = 0.3  # of the variance of a row: a cost that falls by less moves no par
 _LAST_STEPS = 10  # of each solve at the end
 _STEPS_ON = 10  # of the parameters alone, from where a fit has ended
 _FURTHER = 0.98  # times an error: by less it is no way on
+_MUCH_LESS = 0.7  # of the squared residual, that other states have to leave at most
 _ACROSS = 3  # steps across jumps
 CLOSE_TO_FLOOR = 5.0  # times it: up to there, what stands between a fit and the noise may be how its elements slip
 _PARTS = (1.0, 0.5, 0.25)  # of such a step that are tried
@@ -70,11 +71,19 @@ def _is_close(found: FitResult) -> bool:
 
 
 def _near(misfit: Misfit, x: Array, max_steps: int, below: float) -> Array:
-    """A solution but for its last steps, on instants that are chosen anew in every one."""
+    """A solution but for its last steps, on instants that are chosen anew in every one.
+
+    States before the first sample are looked for beside the plant that it begins with. Where others leave much less
+    beside the one that it leads to, it goes on from these: no step finds its way from a load on one side of a gap to
+    the other.
+    """
     x = approach(misfit, misfit.settle(x), max_steps, below=below)
+    timed = [isinstance(o, Observation) for o in misfit.observations]
     # A residual with slips in it has jumps, at which derivatives over short steps lead a search to a halt.
-    wide = misfit.with_steps(x, np.inf) if any(isinstance(o, Observation) for o in misfit.observations) else misfit
-    return solve(wide, x, max_steps, below=below)
+    wide = misfit.with_steps(x, np.inf) if any(timed) else misfit
+    x = solve(wide, x, max_steps, below=below)
+    anew = misfit.settle(x) if all(timed) else x
+    return solve(wide, anew, max_steps, below=below) if wide.cost(anew) < _MUCH_LESS * wide.cost(x) else x
 
 
 def gone_on(found: FitResult) -> FitResult:

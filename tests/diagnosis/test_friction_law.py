@@ -21,6 +21,7 @@ from gms_mujoco.diagnosis.friction_law import (
     FrictionLaw,
     _strays,
     add_law,
+    brought_back,
     choices,
     comes_further,
     law_of,
@@ -236,6 +237,19 @@ def test_another_reading_of_the_law_is_searched_with_where_it_plainly_promises_m
     laws = [law_of(plant) for plant in with_other_laws(search, UNKNOWN)]
     assert laws[-1] == "gms" and "gms" not in laws[:-1]
     assert "gms" not in [law_of(plant) for plant in with_other_laws(letter, UNKNOWN)]
+
+
+def test_friction_that_has_come_out_as_no_bearing_is_fitted_from_the_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = Search(observe(runs(HEALTHY, seconds=1.0), J), [], UNKNOWN)
+    search.first(silent)
+    before = search.steps[-1].result
+    assert not brought_back(search) and search.steps[-1].result is before
+    monkeypatch.setattr("gms_mujoco.diagnosis.friction_law._strays", lambda plant: plant is before.plant)
+    assert brought_back(search)
+    after = search.steps[-1].result
+    assert after is not before and after.error == pytest.approx(before.error, rel=0.02)
+    monkeypatch.setattr("gms_mujoco.diagnosis.friction_law._strays", lambda plant: True)
+    assert not brought_back(search) and search.steps[-1].result is after
 
 
 def test_a_search_from_simple_friction_may_begin_anew_with_a_general_law_that_counts_as_an_effect() -> None:
