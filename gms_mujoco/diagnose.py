@@ -89,7 +89,8 @@ def diagnose(
     and leaves less than any effect would. Where the end is above the noise floor, the whole search is made beside each
     other law that with one effect may leave less, and that law taken where it leaves much less in the end. A general
     law of your own `plant` stays: what another would do is told in the remainder. Where it has a simple one (`coulomb`,
-    `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are effects that may be missing, and take its place.
+    `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are effects that may be missing, and take its place;
+    where the end is above the noise floor the whole search is made beside each of them, too.
 
     Frequency responses that come without a deviation are weighed again by what the plant leaves that was found beside
     them first, and all is looked for again.

@@ -69,17 +69,18 @@ def fit(
 ) -> FitResult:
     """Identifies the free parameters of a plant.
 
-    Least squares on the difference of applied torque and torque needed along the measured motion, over all
-    records together, in the band that the sensors allow, and over every point of frequency responses, each weighed by
-    its uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from
-    the goal (`servo_observation`). Parameters that have no value yet are started from the data; the others start where
-    they are. Of several starts the one that leaves the least after a few steps goes on; where it ends above the noise
-    floor it goes on with elements of friction that slip later than they usually may, and with the weakening of friction
-    that each of the starts began with, until one comes down to the floor. One that does not takes no place: beside an
-    effect that the plant lacks, the lowest is the friction that has bent furthest to hide it. Responses alone are
-    fitted twice more, each from the end so far: with elements that follow their level as at the start, then with a
-    level that falls as at the start too. Those that come without a deviation are weighed by how rough a curve the
-    points make beside the plant, and fitted again where that is another weight than the one they began with.
+    Least squares on the difference of applied torque and torque needed along the measured motion, over all records
+    together, in the band that the sensors allow, and over every point of frequency responses, each weighed by its
+    uncertainty (`frf_observation`). Of a servo that closes its own position loop it is the position, simulated from the
+    goal (`servo_observation`). Parameters that have no value yet are started from the data; the others start where they
+    are. Of several starts the one that leaves the least after a few steps goes on; where it ends above the noise floor
+    so does what the records lead to that slide furthest, if that leaves less. Above the floor still, it goes on with
+    elements of friction that slip later than they usually may, and with the weakening of friction that each of the
+    starts began with, until one comes down to the floor. One that does not takes no place: beside an effect that the
+    plant lacks, the lowest is the friction that has bent furthest to hide it. Responses alone are fitted twice more,
+    each from the end so far: with elements that follow their level as at the start, then with a level that falls as at
+    the start too. Those that come without a deviation are weighed by how rough a curve the points make beside the
+    plant, and fitted again where that is another weight than the one they began with.
 
     Records are worked on side by side, on every core that the process may use or on as many threads as the environment
     variable GMS_MUJOCO_THREADS says; the result is the same to the last bit.

@@ -137,12 +137,16 @@ class Record:
             raise DataError(f"{self.name}: a record of a {self.kind} joint, where a {kind} joint is asked for")
         return self
 
+    def with_signals(self, signals: Mapping[str, Array]) -> Self:
+        """The record with other signals (n,), or more of them, by name."""
+        return replace(self, signals={**self.signals, **signals})
+
     def with_acting_load(self, sign: int) -> Self:
         """The same record, of an axis on which the load acts as a torque, in its direction (1) or against it (-1)."""
         if "load" not in self.signals:
             return self
         rigid = self.signals.get("rigid_torque", 0.0) - sign * self.signals["load"]
-        return replace(self, signals={**self.signals, "rigid_torque": rigid})
+        return self.with_signals({"rigid_torque": rigid})
 
     def held(self, parts: int) -> Array:
         """(parts * n,) torque held over each of so many parts of a sample [N m].

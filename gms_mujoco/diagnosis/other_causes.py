@@ -281,8 +281,12 @@ def _slews(now: FitResult) -> Array:
 
 def _slowed(now: FitResult, strength: Array) -> float:
     """Share of the torque that comes late, of the record with most."""
-    seen = records_of(now)
-    return max(float(np.std(x @ strength) / np.std(o.record.torque)) for o, x in zip(seen, _late(now), strict=True))
+    return _most_of_torque(now, [x @ strength for x in _late(now)])
+
+
+def _most_of_torque(now: FitResult, parts: Sequence[Array]) -> float:
+    """A part (n,) of the torque of each record over all of it, standard deviations, of the record with most."""
+    return max(float(np.std(x) / np.std(o.record.torque)) for o, x in zip(records_of(now), parts, strict=True))
 
 
 def _say_slew(now: FitResult, strength: Array) -> str:
@@ -317,9 +321,8 @@ def _speed_limit(now: FitResult) -> tuple[float, float] | None:
         beyond = [np.stack([mean_torque(o.record, _beyond(o, *limit)) for limit in limits], 1) for o in seen]
         bands = np.concatenate([_taking(b).band(o) for b, o in zip(beyond, seen, strict=True)])
         free = model.without(bands * model.determined[:, None])
-        size = (free**2).sum(0)
-        along = free.T @ model.target
-        return np.where(along > 0, along**2 / np.maximum(size, 1e-300), 0.0) * (size > 0)
+        along = np.maximum(free.T @ model.target, 0.0)
+        return along**2 / np.maximum((free**2).sum(0), 1e-300)
 
     scale = np.array([_most_asked(now), max(float(np.abs(o.velocity).max()) for o in seen)])
     limits, step = scale * np.stack(np.meshgrid(_LIMITS, _FASTEST), -1).reshape(-1, 2), _LIMITS[1] / _LIMITS[0]
@@ -335,7 +338,7 @@ def _cut(now: FitResult, strength: Array) -> float:
     """Share of the torque that is left out, of the record with most; 0 where less or more than what is beyond is."""
     if not 1 / _AS_MUCH < float(strength[0]) < _AS_MUCH or (limit := _speed_limit(now)) is None:
         return 0.0
-    return max(float(np.std(_beyond(o, *limit)) / np.std(o.record.torque)) for o in records_of(now))
+    return _most_of_torque(now, [_beyond(o, *limit) for o in records_of(now)])
 
 
 def _say_speed_limit(now: FitResult, strength: Array) -> str:

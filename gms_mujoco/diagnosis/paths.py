@@ -84,15 +84,11 @@ def _to_its_end(
         if any(_has_been(other, search.steps[-1]) or _is_ahead(other, search) for other in before_it):
             return False
         law = friction.better()
-        if k > 1 and not leaps and search.patience.is_at_end:
-            if law is None or not leaves_much_less(search.steps[-1].result, law.result):
-                drop_false(search)
-                return False
-            friction.take(law)  # beside what was found it may tell what no look at effects has
-            if halt(search):
-                return True
-            continue
-        if law is not None and law.clear:
+        at_end = k > 1 and not leaps and search.patience.is_at_end
+        if at_end and (law is None or not leaves_much_less(search.steps[-1].result, law.result)):
+            drop_false(search)
+            return False
+        if law is not None and (law.clear or at_end):  # beside what was found it may tell what no effect has
             friction.take(law)
             if halt(search):
                 return True

@@ -72,7 +72,7 @@ def redrawn(
         total += count
         signs = rng.choice((-1.0, 1.0), size=count)
         place = np.minimum(np.arange(len(r)) * count // len(r), count - 1)
-        found.append(replace(r, signals={**r.signals, "torque": r.torque + (signs[place] - 1) * left}))
+        found.append(r.with_signals({"torque": r.torque + (signs[place] - 1) * left}))
     if total < _FEWEST:
         raise DataError(f"a bootstrap needs at least {_FEWEST} blocks; blocks of {block:g} s give {total}")
     return found

@@ -245,7 +245,7 @@ class Observation:
 
     def with_signals(self, signals: Mapping[str, Array]) -> Observation:
         """The same observation with other signals (n,), or more of them."""
-        record = replace(self.record, signals={**self.record.signals, **signals})
+        record = self.record.with_signals(signals)
         return replace(self, record=record, cutoff=self._cutoff, asked=self._asked)
 
     @property

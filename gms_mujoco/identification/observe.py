@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +84,7 @@ def loaded_by_drive(record: Record) -> Record:
     """The record of a gear that transmits the torque of the drive; itself where its load is known."""
     if record.get("load") is not None:
         return record
-    return replace(record, signals={**record.signals, "transmitted_torque": mean_torque(record)})
+    return record.with_signals({"transmitted_torque": mean_torque(record)})
 
 
 def observe(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -80,19 +79,18 @@ def leap(position: Array, count: float | None = None, stays: bool = False) -> in
         count: position of one encoder count; None where unknown.
         stays: pass over what comes back a few samples later, see `without_spikes`.
     """
-    spikes = set(_spikes(position, count)[0].tolist()) if stays else set()
-    spikes |= {row + 1 for row in spikes}  # where it comes back
-    step = np.diff(position)
+    step, leaps = np.diff(position), []
     size = np.abs(step)
     usual = max(float(np.quantile(size, 0.99)), float(np.quantile(size[size > 0], _MOST)) if size.any() else 0.0)
     for i in np.flatnonzero(size > max(_LEAP * usual, _LEAST_LEAP * (count or 0.0), 1e-9 * np.ptp(position))).tolist():
         near = np.arange(max(i - 3, 0), min(i + 4, len(step)))
         near = near[(near != i) & (step[near] * step[i] >= -(size[i] ** 2) / 2)]  # unless it leaps back
-        if _FAR * size[near].max(initial=0.0) >= size[i]:
-            continue
-        if not (stays and i + 1 in spikes):
-            return i + 1
-    return None
+        if _FAR * size[near].max(initial=0.0) < size[i]:
+            leaps.append(i + 1)
+    if stays and leaps:
+        spikes = _spikes(position, count)[0]
+        leaps = np.setdiff1d(leaps, [spikes, spikes + 1]).tolist()  # there, and where it comes back
+    return leaps[0] if leaps else None
 
 
 def without_spikes(records: Sequence[Record], inertia: float | None) -> tuple[list[Record], list[str]]:
@@ -109,10 +107,8 @@ def without_spikes(records: Sequence[Record], inertia: float | None) -> tuple[li
         DataError: a position leaps and comes back as no joint does, and nothing says what torque that takes.
     """
     spikes = [_spikes(r.position, r.resolution) for r in records]
-    smooth = [_put(r, rows, values) for r, (rows, values) in zip(records, spikes, strict=True)]
     if inertia is None and any(len(rows) for rows, _ in spikes):
-        found = _rough(smooth)
-        inertia = found[0] if found else None
+        inertia = _rough_inertia([_put(r, *spike) for r, spike in zip(records, spikes, strict=True)])
     out, said = [], []
     for r, (rows, values) in zip(records, spikes, strict=True):
         takes = 2 * (inertia or 0.0) * np.abs(r.position[rows] - values) / ((_FEW_ROWS + 1) / 2 * r.sample_time) ** 2
@@ -136,7 +132,7 @@ def _put(record: Record, rows: NDArray[np.intp], values: Array) -> Record:
         return record
     position = record.position.copy()
     position[rows] = values
-    return replace(record, signals={**record.signals, "position": position})
+    return record.with_signals({"position": position})
 
 
 def _spikes(position: Array, count: float | None) -> tuple[NDArray[np.intp], Array]:
@@ -189,7 +185,7 @@ def filled(record: Record) -> tuple[Record, int]:
             held += n
     if not held or held > _OFTEN * len(q):
         return record, 0
-    return replace(record, signals={**record.signals, "position": q}), held
+    return record.with_signals({"position": q}), held
 
 
 def _joined(stretches: NDArray[np.intp], position: Array, least: float) -> list[tuple[int, int]]:
@@ -221,8 +217,7 @@ def answered(records: Sequence[Record], inertia: float | None) -> tuple[list[Rec
     """
     leaps = [_torque_leaps(r) for r in records]
     if inertia is None and any(map(len, leaps)):
-        found = _rough([_between(r, rows) for r, rows in zip(records, leaps, strict=True)])
-        inertia = found[0] if found else None
+        inertia = _rough_inertia([_between(r, rows) for r, rows in zip(records, leaps, strict=True)])
     out, said = [], []
     for r, rows in zip(records, leaps, strict=True):
         failed = rows[~_answers(r, rows, inertia)] if inertia and len(rows) else rows[:0]
@@ -240,7 +235,7 @@ def _between(record: Record, rows: NDArray[np.intp]) -> Record:
     every = np.arange(len(record))
     kept = np.setdiff1d(every, rows)
     torque = np.interp(every, kept, record.torque[kept])
-    return replace(record, signals={**record.signals, "torque": torque})
+    return record.with_signals({"torque": torque})
 
 
 def _torque_leaps(record: Record) -> NDArray[np.intp]:
@@ -462,6 +457,12 @@ def _why(factor: float, kind: str) -> str:
     else:
         why = f"; is it of the other side of a gear of {max(size, 1 / size):.3g} to 1, or in another unit?"
     return why + " And one of them counts the other way" * (factor < 0)
+
+
+def _rough_inertia(records: Sequence[Record]) -> float | None:
+    """The inertia that records roughly show, where they do."""
+    found = _rough(records)
+    return found[0] if found else None
 
 
 def _rough(records: Sequence[Record]) -> tuple[float, float, float] | None:
