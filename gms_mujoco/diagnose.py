@@ -50,6 +50,7 @@ from .effort import counted
 from .errors import DataError, ModelError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
+from .identification.candidates import has_general_law
 from .identification.frf_observation import Seen, tells_another_noise
 from .identification.inverse import Observation
 from .identification.observe import driven, expect_enough, loaded, observe
@@ -88,9 +89,10 @@ def diagnose(
     too, before effects are looked for and beside those that were found, and one takes it where it passes the same tests
     and leaves less than any effect would. Where the end is above the noise floor, the whole search is made beside each
     other law that with one effect may leave less, and that law taken where it leaves much less in the end. A general
-    law of your own `plant` stays: what another would do is told in the remainder. Where it has a simple one (`coulomb`,
-    `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are effects that may be missing, and take its place;
-    where the end is above the noise floor the whole search is made beside each of them, too.
+    law of your own `plant` gives way to another in the same way, but to none in `without`: the evidence of the baseline
+    says so. Where it has a simple one (`coulomb`, `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are
+    effects that may be missing, and take its place; where the end is above the noise floor the whole search is made
+    beside each of them, too.
 
     Frequency responses that come without a deviation are weighed again by what the plant leaves that was found beside
     them first, and all is looked for again.
@@ -144,12 +146,12 @@ def diagnose(
     expect_torques(shapes, runs.fit)
     runs = runs.with_temperature_of_all()
     with counted() as spent:
-        return _diagnosed(runs, plant, start, shapes, without, Patience(effort, spent), report)
+        return _diagnosed(runs, start, shapes, without, Patience(effort, spent), report)
 
 
 def _diagnosed(
-    runs: Dataset, plant: Plant | None, start: Plant, shapes: Mapping[str, Shape], without: Collection[str],
-    patience: Patience, report: Progress,
+    runs: Dataset, start: Plant, shapes: Mapping[str, Shape], without: Collection[str], patience: Patience,
+    report: Progress,
 ) -> Diagnosis:  # fmt: skip
     """What `diagnose` says of arguments that have passed its checks."""
     report(0.0, "looking at the records")
@@ -160,7 +162,7 @@ def _diagnosed(
         expect_enough(seen, start)
         bandwidth = next((o.bandwidth for o in seen if isinstance(o, Observation)), None)
         select = observe(loaded(runs.select, start), start.inertia, bandwidth, near) if runs.select else []
-        ended = _searched(seen, select, start, plant is None, without, patience, report)
+        ended = _searched(seen, select, start, without, patience, report)
         search, law_said = ended.search, ended.law or law_said
         if setup_said and ended.law:
             # A payload that was found beside another friction has made up for what that lacks.
@@ -196,7 +198,8 @@ def _diagnosed(
     hint = search.hint
     if hint is None and comparison and fits_alone(search, steps):
         hint = shown_unfitted(search, last, validate, comparison)
-    said = (ended.late, hint.said if hint else "", would_be_better(search) if plant and not search.at_floor else "")
+    of_law = would_be_better(search) if not (has_general_law(start) or search.at_floor) else ""
+    said = (ended.late, hint.said if hint else "", of_law)
     if shapes:
         report(0.95, "scoring your candidates")
     own = scored(shapes, last, validate, comparison) if shapes else []
@@ -224,9 +227,10 @@ class _Ended(NamedTuple):
 
 
 def _searched(
-    seen: Sequence[Seen], select: Sequence[Seen], start: Plant, free_law: bool, without: Collection[str],
-    patience: Patience, report: Progress,
+    seen: Sequence[Seen], select: Sequence[Seen], start: Plant, without: Collection[str], patience: Patience,
+    report: Progress,
 ) -> _Ended:  # fmt: skip
+    free_law = has_general_law(start)
     search = Search(seen, select, start, without, patience=patience)
     way = searched(search, free_law, part(report, 0.02, 0.85), halt=contradicts)
     inertia_said = ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -97,7 +97,7 @@ class FrictionLaw:
 
     def __init__(self, search: Search, free: bool) -> None:
         self._search = search
-        self._laws = choices(search.start) if free and search.timed else ()
+        self._laws = choices(search.start, search.without) if free and search.timed else ()
         self._taken: set[str] = set()  # each law at most once, so that there is an end
         self.said = ""
 
@@ -197,7 +197,7 @@ class FrictionLaw:
 def with_other_laws(search: Search, start: Plant) -> list[Plant]:
     """Plants with each of the other laws of friction among which the data may choose, beside which a search that has
     ended above the noise floor may come further."""
-    plants = [with_law(start, law) for law in choices(start)[1:]]
+    plants = [with_law(start, law) for law in choices(start, search.without)[1:]]
     return [*plants, slipping_back(start)] if _may_follow_the_letter(search) else plants
 
 
@@ -329,12 +329,14 @@ def law_of(plant: Plant) -> str:
     return next(e.name for e in plant.effects if e.name in LAWS)
 
 
-def choices(plant: Plant) -> tuple[Effect, ...]:
-    """The laws among which the data may choose, that of the plant first; none where it has none or several."""
+def choices(plant: Plant, without: Collection[str] = ()) -> tuple[Effect, ...]:
+    """The laws among which the data may choose, that of the plant first, and none of the names in `without`; none where
+    it has none or several."""
     own = [e for e in plant.effects if e.name in LAWS]
     if len(own) != 1:
         return ()
-    return (own[0], *(to_identify(name, **_TRIED_WITH.get(name, {})) for name in LAWS if name != own[0].name))
+    others = [name for name in LAWS if name != own[0].name and name not in without]
+    return (own[0], *(to_identify(name, **_TRIED_WITH.get(name, {})) for name in others))
 
 
 def _told(plant: Plant, name: str) -> str:
@@ -358,7 +360,7 @@ def would_be_better(search: Search) -> str:
     """That another law in the place of that of the last plant would leave much less of the torque; else nothing."""
     last = search.steps[-1].result
     above = last.error**2 - last.floor**2
-    laws = choices(last.plant) if search.timed and above > 0 else ()
+    laws = choices(last.plant, search.without) if search.timed and above > 0 else ()
     for law in laws[1:]:
         other = fit_observations(with_law(last.plant, law), last.misfit.observations)
         if other.error**2 - last.floor**2 <= MUCH_LESS * above:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..fit_result import FitResult, with_covariance
-from ..identification.candidates import ORDERS, absent, is_possible, is_present, strengths, stronger
+from ..identification.candidates import ORDERS, absent, is_possible, is_present, strengths, stronger, width_of
 from ..identification.held_out import HeldOut, block_of_row, p_value
 from ..identification.inverse import Observation
 from ..identification.linear_model import LinearModel, determined
@@ -38,6 +38,7 @@ _MOST = 0.5  # of what is not noise there, that an effect then has to take
 _SURE = 1e-9  # p value of a fall there that is sure, however well the noise is known
 FINALISTS = 2  # of them, that do something different, fitted to the end
 _SAME = 0.9  # cosine between what two candidates do to the residual, above which they do the same
+_SHUT = 1e-3  # of its width, to which a play is closed
 _CARRIED = 0.5  # of what is gained with an effect, that must be lost again when it does nothing
 CLOSE = 1.5  # times what the best left: an effect that left more is none in its place
 NEARLY = 0.9  # of what the best took: one of fewer parameters that took as much is
@@ -89,7 +90,8 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
 
     What multiplies friction always by the same does nothing. The rest of a plant may have found a better place, or a
     form that acts on others, at the side of an effect that does next to nothing; and of a part that swings no more than
-    the ring that a record begins with may be of use.
+    the ring that a record begins with may be of use. A play does what it does by its width: one that may as well have
+    none is a coupling.
     """
     effect = after.plant[name]
     if not (is_present(effect) and is_possible(effect)):
@@ -100,6 +102,10 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     left, least = left_of(*(_as_strong(*idle) if effect.modulates else idle)), left_of(after.misfit, after.vector)
     gained = left_of(before.misfit, before.vector) - least
     lost = left - least > _CARRIED * gained
+    if width := width_of(type(effect)):
+        closed = effect.replace(**{width: _SHUT * float(effect.values[width])})
+        left_shut = left_of(*after.misfit.onto(after.plant.replace(closed), after.vector))
+        lost = lost and left_shut - least > _NO_MORE * gained
     if not lost or not swings(effect):
         return lost
     return _left_of_ring(name, before, after) - least > _CARRIED * gained

@@ -57,10 +57,15 @@ def _creeps(plant: Plant) -> bool:
     return "stribeck" in plant and bool(plant["stribeck"].creep_velocity)
 
 
+def has_general_law(plant: Plant) -> bool:
+    """Whether a plant has friction that data may tell from any other, rather than a simple law that may lack one."""
+    return any(name in plant for name in GENERAL_LAWS)
+
+
 def with_general_laws(plant: Plant) -> dict[str, Plant]:
     """The plant with each of the general laws of friction, not fitted, in the place of those that it contains, by the
     name of the law; none where the plant has one already."""
-    if _creeps(plant) or any(name in plant for name in GENERAL_LAWS):
+    if _creeps(plant) or has_general_law(plant):
         return {}
     rest = tuple(e for e in plant.effects if e.name not in (*CONTAINED_LAWS, _NATIVE))
     return {name: replace(plant, effects=(to_identify(name), *rest)) for name in GENERAL_LAWS}

@@ -256,6 +256,21 @@ def test_a_part_that_swings_by_itself_carries_nothing_and_one_that_the_axis_driv
         assert judgement.carries("flexible_coupling", before, after) is (measured is not hums)
 
 
+def test_a_play_of_no_width_carries_nothing_that_is_a_plays_and_one_that_opens_does() -> None:
+    """Whatever the coupling has taken that it then is."""
+    contact = {"inertia": 0.2 * J, "frequency": 24.0, "damping": 0.1}
+    play = effects.Backlash(gap=0.02, **contact)
+    wide, none = (
+        observe(runs(HEALTHY + e, seconds=2.0), J) for e in (play, effects.FlexibleCoupling(**contact))
+    )
+    for seen, gap in ((wide, 0.02), (none, 1e-14)):
+        before = _as_it_is(HEALTHY, seen)
+        misfit = Misfit(HEALTHY + play.replace(gap=gap), seen)
+        after = refine(misfit, misfit.vector(HEALTHY + play.replace(gap=gap)))
+        assert after.error < 0.5 * before.error
+        assert carries("backlash", before, after) is (seen is wide)
+
+
 def test_what_multiplies_friction_always_by_the_same_carries_nothing_and_is_gone_without_a_loss() -> None:
     """Beside friction that is twice as strong what halves it for good leaves as little as none."""
     seen = observe(runs(HEALTHY), J)
