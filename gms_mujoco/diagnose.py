@@ -199,11 +199,10 @@ def _diagnosed(
     if hint is None and comparison and fits_alone(search, steps):
         hint = shown_unfitted(search, last, validate, comparison)
     of_law = would_be_better(search) if not (has_general_law(start) or search.at_floor) else ""
-    said = (ended.late, hint.said if hint else "", of_law)
     if shapes:
         report(0.95, "scoring your candidates")
     own = scored(shapes, last, validate, comparison) if shapes else []
-    found = conclude(steps, rejected, floor, search, moments, said, hint, own)
+    found = conclude(steps, rejected, floor, search, moments, (ended.late, of_law), hint, own)
     if patience.cut and found.remainder:
         found = replace(found, notes=(*found.notes, patience.said))
     report(1.0, "done")

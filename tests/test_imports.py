@@ -28,7 +28,7 @@ LAYERS = [
      "tasks", "axis", "dahl_resonance"},
     {"first_state", "candidates", "derivatives", "time_steps"},
     {"batched", "observe", "misfit", "least_squares", "placement", "intervals", "undetermined", "residuals", "robot",
-     "plausible", "speed_curve", "time_spectrum", "whitened"},
+     "plausible", "rough_inertia", "speed_curve", "time_spectrum", "whitened"},
     {"compare_servo", "rough"},
     {"servo_residuals"},
     {"held_out", "fit_result", "history"},

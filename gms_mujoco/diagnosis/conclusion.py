@@ -67,7 +67,8 @@ def conclude(
         look = there if search.at_floor else describe(last.plant, last.misfit.observations, left)
         size = f"{last.score.told(last.error)} of the {last.score.word}"
         when = f"most of it {moments}" if moments else ""
-        fitted = () if search.at_floor else (size, look.said, when)
+        told = hint.said if hint else ""
+        fitted = (told,) if search.at_floor else (size, told, look.said, when)
         said = (*fitted, *said, "" if holds else _elsewhere(steps[-1].comparison, there), _other_curve(search))
         remainder = "; ".join(filter(None, said))
     following = None

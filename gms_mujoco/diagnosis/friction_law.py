@@ -262,15 +262,26 @@ def _is_there(plant: Plant, other: Plant) -> bool:
 
 
 def comes_further(search: Search, other: Search) -> bool:
-    """Whether a search with another law of friction from its beginning leaves much less."""
+    """Whether a search with another law of friction from its beginning leaves much less, or what is in no catalogue
+    does beside it."""
     before, after = search.steps[-1].result, other.steps[-1].result
-    return leaves_much_less(before, after) and search.selects(after)
+    return (leaves_much_less(before, after) or _is_told_more(search, other)) and search.selects(after)
+
+
+def _is_told_more(search: Search, other: Search) -> bool:
+    """Whether what is in no catalogue leaves much less beside a search with another law than one has left."""
+    if other.hint is None:
+        return False
+    floor = min(floor_of(s.steps[-1].result) for s in (search, other))
+    return other.hint.left - floor < MUCH_LESS * (search.held_out.total - floor)
 
 
 def told_instead(search: Search, other: Search) -> str:
     """The sentence on the law of a search that has come further than one with another law."""
     one, its = (_told(s.steps[-1].result.plant, law_of(s.start)) for s in (other, search))
     now, before = (100 * s.steps[-1].result.error for s in (other, search))
+    if _is_told_more(search, other):
+        return f"{one} describes the friction, in the place of {its}: beside it a cause explains most of what is left"
     return (
         f"{one} describes the friction, in the place of {its}: with it and what is found beside it the torque error is "
         f"{now:.2f} %, else {before:.2f} %"

@@ -32,6 +32,8 @@ _LIMITS = np.geomspace(0.15, 1.5, 8)  # of the largest torque, that a drive has 
 _FASTEST = np.geomspace(1.0, 10.0, 5)  # of the highest speed, at which it has none
 _CLOSER = 5  # looks, each half as far apart as the one before
 _AS_MUCH = 1.3  # times what is beyond a limit, or by as much less, may be left out
+_MOST_ROWS = 10  # that a torque is early or late in a log
+_STANDS_OUT = 2.0  # times how far the others are apart
 _FEWEST_RECORDS = 3  # that tell one of them from the others
 _IN_WAVES = 0.05  # of the squared residual, that waves over the place or in time have to carry to be asked for
 _TWICE = 1.5  # waves to a revolution: fewer are one
@@ -74,7 +76,7 @@ class Cause(NamedTuple):
         kinds: of joints that it may be at work on.
         torques: along observations, beside a fit to them; none where they give no reason to ask for it.
         missing: share of what it takes from (inertia, torque constant, friction, torque) that strengths (k,) take away
-            where they take most.
+            where they take most, or of the most that they may be.
         say: what they are, and how large, beside a fit.
         experiment: that shows it.
         taken_from: torque (n,) along an observation, of which it takes a share, beside a fit; None where it takes from
@@ -416,13 +418,14 @@ def _say_body(now: FitResult, strength: Array) -> str:
 # ------------------------------------------------------------------------------- what is another in each record
 
 
-def _in_each(torque: Callable[[FitResult, Observation], Array]) -> Callable[[FitResult], list[Torques]]:
-    """A torque (n,) by a share of its own in each record after the first."""
+def _in_each(torque: Callable[[FitResult, Observation], Array], first: int = 1) -> Callable[[FitResult], list[Torques]]:
+    """A torque (n,) by a share of its own in each record after the first, which a plant describes, or from it on."""
+
     def torques(now: FitResult) -> list[Torques]:
         seen = records_of(now)
         if len(seen) < _FEWEST_RECORDS:
             return []
-        return [_taking(np.outer(torque(now, o), np.arange(1, len(seen)) == k)) for k, o in enumerate(seen)]
+        return [_taking(np.outer(torque(now, o), np.arange(first, len(seen)) == k)) for k, o in enumerate(seen)]
 
     return torques
 
@@ -435,19 +438,50 @@ def _of_friction(now: FitResult, o: Observation) -> Array:
     return mean_torque(o.record) - now.plant.driven_inertia * second_difference(o.position, o.sample_time)
 
 
+def _changing(now: FitResult, o: Observation) -> Array:
+    """What a torque (n,) has less that acts a row later than it is logged [N m]."""
+    return np.gradient(mean_torque(o.record))
+
+
 def _apart(strength: Array) -> float:
     """The largest difference between two records."""
     return float(np.ptp(np.append(strength, 0.0)))
 
 
-def _say_apart(what: str, change: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
+def _rows_apart(now: FitResult, strength: Array) -> float:
+    """The same of rows, over the most that a log is late."""
+    return float(np.ptp(strength)) / _MOST_ROWS
+
+
+def _furthest(now: FitResult, levels: Array) -> tuple[int, float, str]:
+    """The record whose level is furthest off, what it is beside, and whose that is: of the others, where these are
+    alike, else of the first."""
+    k = int(np.argmax(np.abs(levels - np.median(levels))))
+    others = np.delete(levels, k)
+    usual = float(np.median(others))
+    if abs(levels[k] - usual) > _STANDS_OUT * np.ptp(others):
+        return k, usual, "the others"
+    k = int(np.argmax(np.abs(levels - levels[0])))
+    return k, float(levels[0]), str(records_of(now)[0].name)
+
+
+def _say_apart(what: str, level: Callable[[Array], Array]) -> Callable[[FitResult, Array], str]:
+    """By how much one record is off, by a level that goes with what is taken."""
+
     def say(now: FitResult, strength: Array) -> str:
-        share = change(np.append(0.0, strength))
-        k = int(np.argmax(np.abs(share)))
-        first, most = (records_of(now)[i].name for i in (0, k))
-        return f"{what} that is another in each record, {100 * share[k]:+.2g} % in {most} beside {first}"
+        levels = level(np.append(0.0, strength))
+        k, usual, whose = _furthest(now, levels)
+        name = records_of(now)[k].name
+        return f"{what} that is another in each record, {100 * (levels[k] / usual - 1):+.2g} % in {name} beside {whose}"
 
     return say
+
+
+def _say_rows_apart(now: FitResult, strength: Array) -> str:
+    k, usual, whose = _furthest(now, strength)
+    o, apart = records_of(now)[k], float(strength[k]) - usual
+    return (f"a torque that acts {1e3 * abs(apart) * o.sample_time:.2g} ms, or {abs(apart):.2g} of its rows, "
+            f"{'later' if apart > 0 else 'earlier'} in {o.name} than in {whose}, by the times that are logged")
 
 
 # ------------------------------------------------------------------------------- what is periodic in time
@@ -655,15 +689,20 @@ CAUSES = (
     ),
     Cause(
         ("hinge", "slide"), _in_each(_asked_for), lambda now, s: _apart(s),
-        _say_apart("a torque constant", lambda taken: -taken),
+        _say_apart("a torque constant", lambda taken: 1 - taken),
         "The first record once more after the last, with the temperature of the motor logged beside both.",
         taken_from=_asked_for,
     ),
     Cause(
         ("hinge", "slide"), _in_each(_of_friction), lambda now, s: _apart(s),
-        _say_apart("friction", lambda taken: taken / (1 - taken)),  # without its share it is that of the first
+        _say_apart("friction", lambda taken: 1 / (1 - taken)),  # without its share it is that of the first
         "The first record once more after the last, with the temperature of the bearing logged beside both.",
         taken_from=_of_friction,
+    ),
+    Cause(
+        ("hinge", "slide"), _in_each(_changing, first=0), _rows_apart, _say_rows_apart,
+        "One sharp push of the torque, from rest, at the beginning of every record: how many rows later the axis "
+        "answers in each.",
     ),
     Cause(
         ("hinge", "slide"), _of_line, lambda now, s: _height(s) / _most_asked(now), _say_line,

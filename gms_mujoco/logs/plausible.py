@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..frf import FRF
-from ..identification.inverse import Observation
-from ..plant import Plant
 from ..record import Record
+from .rough_inertia import RoughInertia, Rows, rough_inertia, rough_inertia_of, rough_inertia_of_responses, rows_of
 from .slow_signal import Readings
 
 Array = NDArray[np.float64]
@@ -29,6 +28,10 @@ _LEAP, _FAR = 20.0, 50.0  # times what an axis goes in nearly all samples, and i
 _MOST = 0.9  # of the samples in which an axis moves
 _LEAST_LEAP, _FEWEST_COUNTS = 10.0, 4.0
 _OFF, _ABSURD = 5.0, 1e3  # times an inertia: more than a wrong guess, and more than there can be anything in
+_APART = 10.0  # times, by which rough inertias differ: what friction hides of one makes it four times another
+_ROUGHLY = 0.4  # of a ratio of rough inertias, by which it may be off
+_ALIKE_ROUGHLY = 2.5  # times, by which they are those of one axis
+_HARDLY_ANY = 0.05  # of the torque, that is an inertia's: its sign says nothing
 _AS_FACTOR = 0.1  # of a factor between two units, by which a ratio may be off
 # Of the rows, at which a torque stands at its largest, that say anything; one that switches between its ends stands
 # there nearly always, and one of moves and rests has few levels between.
@@ -41,6 +44,9 @@ _LATE = (8, 16, 32)  # rows within which a drive that lags or a log that is late
 _BEYOND = 2.0  # times the largest torque of the other rows
 _SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
 _STAYS = 10  # rows there after another
+# Rows without a torque, of which one is that stays so small beside nearly the largest; and by how much of its largest
+# speed an axis does not speed up there by itself.
+_LONG, _IDLE, _GATHERS = 100, 0.01, 0.3
 _MANY_LEVELS = 50  # of a torque: of fewer it is a command in steps
 _FEW = 150  # samples, of which a friction model cannot be told from noise
 _ENOUGH = 500  # samples, to say anything about signs
@@ -108,7 +114,7 @@ def without_spikes(records: Sequence[Record], inertia: float | None) -> tuple[li
     """
     spikes = [_spikes(r.position, r.resolution) for r in records]
     if inertia is None and any(len(rows) for rows, _ in spikes):
-        inertia = _rough_inertia([_put(r, *spike) for r, spike in zip(records, spikes, strict=True)])
+        inertia = rough_inertia_of([_put(r, *spike) for r, spike in zip(records, spikes, strict=True)])
     out, said = [], []
     for r, (rows, values) in zip(records, spikes, strict=True):
         takes = 2 * (inertia or 0.0) * np.abs(r.position[rows] - values) / ((_FEW_ROWS + 1) / 2 * r.sample_time) ** 2
@@ -217,7 +223,7 @@ def answered(records: Sequence[Record], inertia: float | None) -> tuple[list[Rec
     """
     leaps = [_torque_leaps(r) for r in records]
     if inertia is None and any(map(len, leaps)):
-        inertia = _rough_inertia([_between(r, rows) for r, rows in zip(records, leaps, strict=True)])
+        inertia = rough_inertia_of([_between(r, rows) for r, rows in zip(records, leaps, strict=True)])
     out, said = [], []
     for r, rows in zip(records, leaps, strict=True):
         failed = rows[~_answers(r, rows, inertia)] if inertia and len(rows) else rows[:0]
@@ -295,10 +301,11 @@ def _answers_within(
     return change[at] * due > _HALF * due**2, held | (np.abs(due) < _SEEN * noise)
 
 
-def hint(ratio: float) -> str:
-    """What two figures may have been mixed up that are so many times apart, for the end of a clause; "" if nothing."""
+def hint(ratio: float, within: float = _AS_FACTOR) -> str:
+    """What two figures may have been mixed up that are so many times apart, within a share of that, for the end of a
+    clause; "" if nothing."""
     ratio = max(ratio, 1 / ratio)
-    return next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < _AS_FACTOR), "")
+    return next((f", which is {text}" for f, text in _FACTORS.items() if abs(ratio / f - 1) < within), "")
 
 
 def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[str]:
@@ -322,7 +329,8 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
         if r.resolution and np.ptp(r.position) < _FEWEST_COUNTS * r.resolution:
             said.append(f"{r.name}: the position changes by less than {_FEWEST_COUNTS:g} counts of the encoder in all: "
                         "no motion that could tell anything of friction")
-        said += [f"{r.name}: {doubt}" for doubt in (_twice(r), _at_its_end(r), _slow_torque(r)) if doubt]
+        doubts_of_torque = (_twice(r), _at_its_end(r), _slow_torque(r), _moved_without(r))
+        said += [f"{r.name}: {doubt}" for doubt in doubts_of_torque if doubt]
         if n := filled(r)[1]:
             said.append(f"{r.name}: the position repeats its last reading at {n} samples while the axis moves: "
                         "filled in")
@@ -331,19 +339,49 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     if fitted and sum(map(len, fitted)) < _FEW:
         said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
                     "from another")
-    found = _rough(fitted or list(records))
+    alone = {r.name: rows for r in records if (rows := rows_of(r)) is not None}
+    apart = _apart(alone, unit)
+    said += apart.values()
+    found = rough_inertia([alone[r.name] for r in fitted or records if r.name in alone and r.name not in apart])
     if found is None or sum(map(len, fitted or records)) < _ENOUGH:
         return said
-    rough, dissipated, share = found
-    if dissipated < 0 and (rough < 0 or share < 0.05):
-        raise DataError(
-            f"the torque works against the motion: the records show an inertia of {rough:.3g} {unit} and friction that "
-            "drives the joint; torque or position has the wrong sign, try scale = { torque = -1 } (a negative "
-            "torque_constant for current)"
-        )
-    if inertia is not None and share > 0.2 and rough > 0:
-        said += _off(rough, inertia, unit, "records")
+    if found.power < 0 and (found.inertia < 0 or found.share < _HARDLY_ANY):
+        raise DataError(_against("the records show", found, unit))
+    if inertia is not None and found.is_told and found.inertia > 0:
+        said += _off(found.inertia, inertia, unit, "records")
     return said
+
+
+def _apart(alone: Mapping[str, Rows], unit: str) -> dict[str, str]:
+    """A sentence on each record that by itself looks like another axis than all the others do, by its name; raises
+    DataError where the torque of one works against the motion and that of the others does not.
+
+    Of a motion that says little of an inertia nothing is said. A spring looks like a negative one, and with a drive that
+    is late like friction that drives the axis: a sign is wrong where it makes one like the others.
+    """
+    rough = {name: found for name, rows in alone.items() if (found := rough_inertia([rows])) and found.is_told}
+    said = {}
+    for name, found in rough.items():
+        others = [abs(other.inertia) for n, other in rough.items() if n != name and other.power >= 0]
+        if not others:
+            continue
+        usual = float(np.median(others))
+        ratio = max(abs(found.inertia) / usual, usual / abs(found.inertia))
+        if found.power < 0 and found.inertia < 0 and ratio < _ALIKE_ROUGHLY:
+            raise DataError(f"{name}: {_against('it shows, unlike the others,', found, unit)}")
+        if found.inertia > 0 and len(others) > 1 and ratio > _APART and max(others) < _APART * min(others):
+            said[name] = (f"{name} by itself looks like an inertia of about {found.inertia:.2g} {unit}, the others like "
+                          f"{usual:.2g} {unit}: {ratio:.2g} times apart{hint(ratio, _ROUGHLY)}; is one of its columns in another "
+                          "unit?")
+    return said
+
+
+def _against(shows: str, found: RoughInertia, unit: str) -> str:
+    return (
+        f"the torque works against the motion: {shows} an inertia of {found.inertia:.3g} {unit} and friction that "
+        "drives the joint; torque or position has the wrong sign, try scale = { torque = -1 } (a negative "
+        "torque_constant for current)"
+    )
 
 
 def doubts_of_responses(frfs: Sequence[FRF], inertia: float | None, kind: str) -> list[str]:
@@ -352,7 +390,7 @@ def doubts_of_responses(frfs: Sequence[FRF], inertia: float | None, kind: str) -
     Raises:
         DataError: it cannot be.
     """
-    found = _rough_of_responses(frfs) if inertia is not None else None
+    found = rough_inertia_of_responses(frfs) if inertia is not None else None
     if inertia is None or found is None:
         return []
     return _off(found, inertia, "kg m^2" if kind == "hinge" else "kg", "responses")
@@ -369,25 +407,6 @@ def _off(rough: float, inertia: float, unit: str, what: str) -> list[str]:
     if ratio > _ABSURD:
         raise DataError(f"{given}; leave axis.inertia out to have it identified")
     return [given]
-
-
-def _rough_of_responses(frfs: Sequence[FRF]) -> float | None:
-    """Rough inertia, where it takes a good part of the torque: torque over position as an inertia, and a spring that is
-    another in each response; None where they do not look like that."""
-    used = [f.compliance() for f in frfs if f.input in ("torque", "load")]
-    if not used:
-        return None
-    inverse = np.concatenate([1 / f.response for f in used])
-    mass = np.concatenate([f.omega**2 for f in used])
-    owner = np.repeat(np.arange(len(used)), [len(f) for f in used])
-    columns = np.column_stack([-mass, *(owner[:, None] == np.arange(len(used))).T]) / np.abs(inverse)[:, None]
-    target = inverse.real / np.abs(inverse)
-    scale = np.maximum(np.sqrt(np.mean(columns**2, 0)), 1e-300)
-    x = np.linalg.lstsq(columns / scale, target, rcond=1e-6)[0] / scale
-    left = float(np.std(target - columns @ x))
-    if len(target) <= len(x) or x[0] <= 0 or x[0] * scale[0] < 0.2 or left > 0.5 * float(np.std(target)):
-        return None
-    return float(x[0])
 
 
 def _twice(record: Record) -> str:
@@ -419,6 +438,28 @@ def _slow_torque(record: Record) -> str:
         return ""
     return (f"the torque changes at every {readings.every:.4g} rows only: taken as held between, as by a controller of "
             "that rate; where it was read at that rate, say sensed = true")  # fmt: skip
+
+
+def _moved_without(record: Record) -> str:
+    """That the axis gathers speed for a while without a torque."""
+    if "rigid_torque" in record.signals or len(record) < 2 * _LONG:  # the weight of a robot's links is known
+        return ""
+    u, q = record.torque, record.position
+    idle = np.abs(u) <= _IDLE * np.quantile(np.abs(u), _MOST)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int))).reshape(-1, 2)
+    speed = np.abs(q[2 * _SLOPE :] - q[: -2 * _SLOPE]) / (2 * _SLOPE * record.sample_time)  # about the row _SLOPE later
+    gains = []
+    for first, last in edges[np.diff(edges)[:, 0] >= _LONG].tolist():
+        within = speed[first : last - 2 * _SLOPE]
+        if np.max(within - np.minimum.accumulate(within)) > _GATHERS * speed.max():
+            gains.append((first, last - 1))
+    if not gains:
+        return ""
+    first, last = gains[0]
+    more = f", and {len(gains) - 1} times more" if len(gains) > 1 else ""
+    return (f"the axis gathers speed without a torque from {record.time[first]:.4g} to {record.time[last]:.4g} s{more}: "
+            "what a weight or a spring does, or a hand while the drive was off; of a hand leave that part out, with "
+            "span")  # fmt: skip
 
 
 def _seen_before(records: Sequence[Record]) -> list[str]:
@@ -457,39 +498,3 @@ def _why(factor: float, kind: str) -> str:
     else:
         why = f"; is it of the other side of a gear of {max(size, 1 / size):.3g} to 1, or in another unit?"
     return why + " And one of them counts the other way" * (factor < 0)
-
-
-def _rough_inertia(records: Sequence[Record]) -> float | None:
-    """The inertia that records roughly show, where they do."""
-    found = _rough(records)
-    return found[0] if found else None
-
-
-def _rough(records: Sequence[Record]) -> tuple[float, float, float] | None:
-    """Rough inertia, rough power that friction takes [W], and the share of inertia in the torque (rms).
-
-    By least squares of the torque on acceleration, direction, velocity and what a position alone determines.
-    """
-    tops, sides, speeds = [], [], []
-    none = Plant.axis(1.0)
-    for r in records:
-        if len(r) < 64:
-            continue
-        o = Observation(r, 1 / (20 * r.sample_time))
-        q, v = o.position[o.index], o.velocity[o.index]
-        tops.append(np.stack([o.acceleration, np.sign(v), v, np.ones_like(v), q, np.sin(q), np.cos(q)], 1))
-        sides.append(o.applied(none) + o.replay(none))  # without what a robot's rigid bodies take
-        speeds.append(v)
-    if not tops:
-        return None
-    a, y, v = np.concatenate(tops), np.concatenate(sides), np.concatenate(speeds)
-    scale = np.maximum(np.sqrt(np.mean(a**2, 0)), 1e-300)
-    x = np.linalg.lstsq(a / scale, y, rcond=1e-6)[0] / scale
-    friction = x[1] * np.sign(v) + x[2] * v
-    total = float(np.sqrt(np.mean(y**2)))
-    if total == 0 or float(np.std(y - a @ x)) > 0.7 * total:  # this says too little about the torque
-        return None
-    power = float(np.mean(friction * v))
-    if abs(power) < 0.1 * float(np.mean(np.abs(y * v))):
-        power = 0.0
-    return float(x[0]), power, abs(float(x[0])) * float(scale[0]) / total

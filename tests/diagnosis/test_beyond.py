@@ -238,6 +238,17 @@ def test_friction_that_is_another_in_each_record_is_no_drift_within() -> None:
     assert float(told[1]) == pytest.approx(-20, abs=3)
 
 
+def test_a_torque_that_is_logged_late_in_one_record_is_told_with_its_record() -> None:
+    """It seems to stand in one direction, at an instant, or periodic in time: in whatever that motion does."""
+    records = runs(HEALTHY)
+    for k, rows in ((0, 1), (2, -2)):
+        shifted = [driven(r, np.roll(r.torque, rows if i == k else 0)) for i, r in enumerate(records)]
+        told = re.match(r"a torque that acts \S+ ms, or (\S+) of its rows, (\S+) in (\S+) than in (.*), by",
+                        _said(COGGING, shifted))
+        assert told is not None and float(told[1]) == pytest.approx(abs(rows), rel=0.15)
+        assert told.groups()[1:] == ("earlier" if rows > 0 else "later", records[k].name, "the others")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [DRIFT, COGGING], ids=lambda e: e.name)
 def test_all_friction_taken_from_the_records_but_one_explains_nothing(effect: Effect) -> None:

@@ -1,9 +1,11 @@
 """Which law of friction a diagnosis takes: the data choose it, before effects and beside them."""
 
 import math
+import re
 import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,9 +38,9 @@ from gms_mujoco.diagnosis.judgement import Trial
 from gms_mujoco.diagnosis.patience import Patience
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.diagnosis.steps import Step
-from gms_mujoco.fit import fit, fit_observations
+from gms_mujoco.fit import baseline, fit, fit_observations
 from gms_mujoco.fit_result import FitResult
-from gms_mujoco.identification.candidates import GENERAL_LAWS
+from gms_mujoco.identification.candidates import GENERAL_LAWS, stronger
 from gms_mujoco.identification.frf_observation import Seen
 from gms_mujoco.identification.habits import as_logged
 from gms_mujoco.identification.linear_model import cross_validated
@@ -208,7 +210,8 @@ def test_a_law_that_shows_only_beside_what_it_hides_is_found_with_it() -> None:
 
 def _ended(error: float, floor: float, plant: Plant = HEALTHY, start: Plant = HEALTHY) -> Any:
     result = SimpleNamespace(error=error, floor=floor, plant=plant)
-    return SimpleNamespace(steps=[SimpleNamespace(result=result)], start=start, selects=lambda result: True)
+    steps = [SimpleNamespace(result=result)]
+    return SimpleNamespace(steps=steps, start=start, selects=lambda result: True, hint=None)
 
 
 @pytest.mark.parametrize(
@@ -216,6 +219,17 @@ def _ended(error: float, floor: float, plant: Plant = HEALTHY, start: Plant = HE
 )
 def test_a_law_that_passes_on_more_noise_is_no_better_for_it(error: float, floor: float, better: bool) -> None:
     assert comes_further(_ended(0.3, 0.04), _ended(error, floor)) == better
+
+
+@pytest.mark.slow
+def test_what_is_in_no_catalogue_is_told_beside_the_law_that_shows_it() -> None:
+    """Elements that bend as they like hide a record in which friction is stronger."""
+    records = dataset(BRISTLE, SECONDS).all
+    stronger_one = dataset(stronger(BRISTLE, 1.2), SECONDS).all[1]
+    d = diagnose(Dataset(Path(), (records[0], stronger_one, *records[2:]), inertia=J))
+    assert not d.found and "lugre" in d.plant and d.verdict == "unexplained"
+    told = re.search(r"friction that is another in each record, (\S+) % in (\S+) beside the others", str(d.remainder))
+    assert told is not None and told[2] == stronger_one.name and float(told[1]) == pytest.approx(20, abs=3)
 
 
 def test_a_law_that_is_much_better_is_told_as_it_was_found() -> None:
@@ -364,7 +378,7 @@ def test_a_law_as_no_bearing_has_it_goes_for_one_of_fewer_unknowns(
 def test_a_general_law_of_a_plant_gives_way_as_the_default_does(fitted: bool) -> None:
     """A plant of your own says what to start from: beside the wrong law a weak coupling has seemed to be missing."""
     runs = dataset(BRISTLE, SECONDS)
-    own = UNKNOWN.replace(to_identify("gms", elements=3))
+    own = baseline(J, elements=3)
     d = diagnose(runs, fit(own, runs.fit).plant if fitted else own)
     assert not d.found and d.verdict == "adequate" and "lugre" in d.plant
     assert d.steps[0].evidence.startswith("lugre describes the friction, in the place of gms")

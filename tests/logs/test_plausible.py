@@ -317,3 +317,60 @@ def test_what_may_be_wrong_with_a_log_is_said(tmp_path: Path) -> None:
     assert "two.csv has the same samples as one.csv: errors on it prove nothing" in load(tmp_path).notes
     formats.write(tmp_path / "one.csv", {**again, "velocity": RUN.position})
     assert any("position and velocity are the same numbers" in note for note in load(tmp_path).notes)
+
+
+OF_ONE_AXIS = [measured(rms=rms, high=high) for rms, high in ((1.0, 20.0), (1.5, 10.0), (0.8, 5.0))]
+
+
+def several(folder: Path, axis: str = "", uses: str = "fit fit validate", **change: Callable) -> Dataset:
+    """The set of three records, of which the second has columns changed."""
+    entries = []
+    for i, (run, use) in enumerate(zip(OF_ONE_AXIS, uses.split(), strict=True)):
+        columns = {"time": run.time, "torque": run.torque, "position": run.position}
+        columns |= {k: f(columns[k]) for k, f in change.items()} if i == 1 else {}
+        formats.write(folder / f"{i}.csv", columns)
+        entries.append(f'[[record]]\nfile = "{i}.csv"\nuse = "{use}"\n')
+    (folder / "dataset.toml").write_text(f"[axis]\n{axis}\n" + "\n".join(entries))
+    return load(folder)
+
+
+@pytest.mark.parametrize("uses", ["fit fit validate", "fit validate fit"])
+@pytest.mark.parametrize("axis", ["", f"inertia = {INERTIA}"])
+def test_one_record_with_another_sign_or_unit_than_the_others_is_told_by_its_name(
+    axis: str, uses: str, tmp_path: Path
+) -> None:
+    """Together with the others it says nothing, and nothing was asked of what is not fitted."""
+    assert not several(tmp_path, axis, uses).notes
+    for wrong in ("torque", "position"):
+        with pytest.raises(DataError, match=r"1\.csv: the torque works against the motion.* wrong sign, try scale"):
+            several(tmp_path, axis, uses, **{wrong: np.negative})
+    for wrong, factor, text in (("position", np.degrees, "deg read as rad"), ("torque", lambda u: 1e3 * u, "1000")):
+        (note,) = several(tmp_path, axis, uses, **{wrong: factor}).notes
+        assert note.startswith("1.csv by itself looks like an inertia of") and text in note
+
+
+def test_a_torque_that_answers_late_in_pre_sliding_is_no_wrong_sign(tmp_path: Path) -> None:
+    """A spring looks like a negative inertia, and behind a delay like friction that drives the axis."""
+    stiff = Plant.axis(INERTIA) + effects.find("dahl")(stiffness=2e3, coulomb=0.4) + PLANT["viscous"]
+    late = stiff + effects.find("delay")(time=4e-3)
+    entries = []
+    for i, (plant, rms, high) in enumerate(((late, 0.05, 60.0), (late, 1.0, 20.0), (late, 1.5, 10.0))):
+        run = measured(plant, rms, high)
+        formats.write(tmp_path / f"{i}.csv", {"time": run.time, "torque": run.torque, "position": run.position})
+        entries.append(f'[[record]]\nfile = "{i}.csv"\nuse = "fit"\n')
+    (tmp_path / "dataset.toml").write_text("\n".join(entries))
+    load(tmp_path)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_an_axis_that_gathers_speed_without_a_torque_was_moved(noise: float, tmp_path: Path) -> None:
+    hand = slice(1000, 1800)
+    off = np.zeros_like(RUN.torque)
+    off[hand] = noise * np.random.default_rng(0).standard_normal(800)
+    idle = np.zeros(len(off), bool)
+    idle[hand] = True
+    (note,) = logged(tmp_path, torque=lambda u: np.where(idle, off, u)).notes
+    assert "gathers speed without a torque from 1 to 1.799 s" in note and "with span" in note
+    coasts = np.where(np.arange(len(off)) < 150, 1.5, 0.0)
+    run = simulate(PLANT, coasts, 1e-3, resolution=2 * np.pi / 2**18, torque_noise=noise, seed=2)
+    assert not any("gathers" in n for n in logged(tmp_path, run=run).notes)
