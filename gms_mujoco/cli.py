@@ -213,7 +213,7 @@ def _fit(options: argparse.Namespace) -> None:
     from .compare import compare
     from .elements import choose_elements
     from .fit import baseline, fit
-    from .identification.starts import LAWS
+    from .identification.starts import of_one_law
     from .identification.undetermined import by_experiment
 
     output = _expect_suffix(options.output, ".toml")
@@ -229,9 +229,8 @@ def _fit(options: argparse.Namespace) -> None:
     if count is not None and "gms" not in plant:
         names = listing(e.name for e in plant.effects)
         raise ModelError(f"--elements is of gms, which is not among the effects; they are {names}")
-    if len(laws := [name for name in LAWS if name in plant]) > 1:
-        print(f"{PROGRAM}: warning: {listing(laws)} are each a law of all the friction, and data can hardly tell what "
-              "is whose; one of them is enough", file=sys.stderr)
+    if said := of_one_law(plant):
+        print(f"{PROGRAM}: warning: {said}", file=sys.stderr)
     auto = count == "auto" or (count is None and runs.frfs and not runs.records and "gms" in plant)
     with Bar() as bar:
         result = (choose_elements if auto else fit)(plant, runs.fit, progress=bar)

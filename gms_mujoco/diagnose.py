@@ -42,7 +42,7 @@ from .diagnosis.moments import has_moments, unbent
 from .diagnosis.paths import searched
 from .diagnosis.patience import Patience
 from .diagnosis.plays import play_of
-from .diagnosis.recheck import drop_last, join_laws
+from .diagnosis.recheck import drop_last, join_laws, law_first
 from .diagnosis.search import Search
 from .diagnosis.steps import Step
 from .diagnosis.unfitted import shown_unfitted
@@ -55,6 +55,7 @@ from .identification.frf_observation import Seen, tells_another_noise
 from .identification.inverse import Observation
 from .identification.observe import driven, expect_enough, loaded, observe
 from .identification.refine import finished, gone_on
+from .identification.starts import of_one_law
 from .identification.time_steps import as_fitted
 from .plant import Plant
 from .progress import Progress, part, silent
@@ -133,7 +134,7 @@ def diagnose(
     without = [without] if isinstance(without, str) else without
     for name in without:
         effects.find(name)
-    if not effort > 0:
+    if not (isinstance(effort, (int, float)) and effort > 0):
         raise ModelError(f"effort must be positive, 1 as usual, math.inf for a search to its end; {effort!r} given")
     report = progress or silent
     if not runs.fit:
@@ -206,7 +207,7 @@ def _diagnosed(
     if patience.cut and found.remainder:
         found = replace(found, notes=(*found.notes, patience.said))
     report(1.0, "done")
-    return replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
+    return replace(found, data=tuple(line for line in (runs.split, *runs.notes, of_one_law(start)) if line))
 
 
 class _Ended(NamedTuple):
@@ -271,7 +272,9 @@ def _searched(
                 search, late = other, instead.late
             if search.at_floor or patience.is_at_end:
                 break
-    if free_law and (joined := join_laws(search)):
+    if not free_law:
+        law_first(search)
+    elif joined := join_laws(search):
         law_said = "; ".join(filter(None, (law_said, joined)))
     return _Ended(search, law_said, inertia_said, load_said, late)
 

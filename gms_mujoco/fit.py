@@ -95,11 +95,12 @@ def fit(
     Raises:
         DataError: nothing to fit, fewer numbers than unknowns, data of the other kind of joint, or a response that
             cannot be used alone.
-        ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, a load
-            in it is heavier than the axis, or it takes a goal and the data have torques, or the other way round.
+        ModelError: a parameter has no value and cannot be identified, the plant has none of a name in `fixed`, or no
+            value for it, a load in it is heavier than the axis, or it takes a goal and the data have torques, or the
+            other way round.
     """
     report = progress or silent
-    driven(plant, data).expect_names(fixed)
+    _expect_values(driven(plant, data).expect_names(fixed), fixed)
     report(0.0, "looking at the records")
     data = loaded(data, plant)
     seen = observe(data, plant.inertia, bandwidth)
@@ -110,6 +111,15 @@ def fit(
         found = _fitted(plant, weighed, fixed, part(report, 0.9, 1.0))
     report(1.0, found.status)
     return found
+
+
+def _expect_values(plant: Plant, fixed: Collection[str]) -> None:
+    """Raises ModelError where what is to be left as it is has no value."""
+    unset = [f"{e.name}.{name}" for e in plant.effects for name in e.unset]
+    unset += ["inertia"] * (plant.inertia is None)
+    if missing := [name for name in unset if name in fixed]:
+        raise ModelError(f"fixed leaves parameters at their values, and {listing(missing)} has none; give it one, or "
+                         "take it out of fixed")  # fmt: skip
 
 
 def _fitted(plant: Plant, observations: Sequence[Seen], fixed: Collection[str], report: Progress) -> FitResult:

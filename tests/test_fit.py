@@ -351,6 +351,8 @@ def test_what_cannot_be_fitted_is_said() -> None:
         fit(UNKNOWN, "data/dataset.toml")  # type: ignore[arg-type]
     with pytest.raises(ModelError, match=r"no parameter 'gms\.level'; its parameters are gms\.attraction, "):
         fit(UNKNOWN, rr, fixed=["gms.level"])
+    with pytest.raises(ModelError, match=r"fixed leaves .* and gms\.coulomb has none"):
+        fit(UNKNOWN, rr, fixed=["gms.coulomb"])
     with pytest.raises(ModelError, match=r"as in \['inertia'\]"):
         fit(UNKNOWN, rr, fixed="inertia")
     with pytest.raises(ModelError, match=r"GMS is a kind of effect; .* GMS\(\)"):

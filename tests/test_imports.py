@@ -43,7 +43,7 @@ LAYERS = [
     {"beyond", "moments", "plays"},
     {"friction_shape", "joint_fits"},
     {"steps", "openings", "trials"},
-    {"findings"},
+    {"findings", "waves"},
     {"pairs"},
     {"search"},
     {"recheck", "friction_law"},

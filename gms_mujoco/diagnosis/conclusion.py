@@ -19,6 +19,7 @@ from .judgement import AT_FLOOR
 from .remainder import NO_LOOK, Remainder, describe, loudest
 from .search import Search
 from .steps import Step
+from .waves import known_in_part
 
 Array = NDArray[np.float64]
 
@@ -90,7 +91,8 @@ def conclude(
         following = following or _to_isolate(rejected, record, look, error, _comes_back(steps[-1]))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
-    notes = tuple(f"{line}." for line in (last.habit, off, unseen, _contradicted(steps, comparisons)) if line)
+    of_waves = known_in_part(last) if added else ""
+    notes = tuple(f"{line}." for line in (last.habit, off, of_waves, unseen, _contradicted(steps, comparisons)) if line)
     notes = (*notes, *(s.said for s in own))
     tried = (*rejected, *(Rejected(s.name, s.p_value, s.error) for s in own))
     return Diagnosis(verdict, floor, steps, tried, remainder, following, notes)

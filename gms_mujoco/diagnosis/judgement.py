@@ -103,7 +103,7 @@ def carries(name: str, before: FitResult, after: FitResult) -> bool:
     gained = left_of(before.misfit, before.vector) - least
     lost = left - least > _CARRIED * gained
     if width := width_of(type(effect)):
-        closed = effect.replace(**{width: _SHUT * float(effect.values[width])})
+        closed = effect.replace(**{width: _SHUT * float(np.asarray(effect.values[width]))})
         left_shut = left_of(*after.misfit.onto(after.plant.replace(closed), after.vector))
         lost = lost and left_shut - least > _NO_MORE * gained
     if not lost or not swings(effect):

@@ -101,6 +101,7 @@ def _to_its_end(
         if halt(search):
             return True
         if added:
+            search.as_one_wave()
             if not had_room:  # an effect has shown that less can be left than noise was thought to leave
                 law = friction.instead(before)
             if law is not None and law.held_out.total < search.held_out.total:

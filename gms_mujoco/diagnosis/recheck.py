@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..fit_result import FitResult
-from ..identification.candidates import absent
+from ..identification.candidates import GENERAL_LAWS, absent
 from ..identification.held_out import HeldOut, p_value, scatter
 from ..identification.inverse import Observation
 from ..identification.linear_model import LinearModel, cross_validated
@@ -181,6 +181,18 @@ def join_laws(search: Search) -> str:
     base, *fits = _up_to(last, [s.effect for s in others])
     search.steps = _onwards([replace(first, result=base.result, held_out=base.held_out)], others, fits)
     return f"{' and '.join(joined)} was found beside it, and counts to the law"
+
+
+def law_first(search: Search) -> None:
+    """Counts a general law of friction that was found in the place of a simple one before what was found beside that:
+    an effect that came first is beside neither of them now."""
+    names = [s.effect for s in search.steps]
+    k = next((k for k, name in enumerate(names) if name in GENERAL_LAWS), 0)
+    if k > 1:
+        first, *others = search.steps
+        law = others.pop(k - 1)
+        fits = _up_to(Trial("", search.steps[-1].result, search.held_out), [s.effect for s in others])
+        search.steps = _onwards([first], [law, *others], fits)
 
 
 def drop_false(search: Search) -> bool:

@@ -71,6 +71,7 @@ from .patience import Patience
 from .reading import TorqueReading, ring
 from .steps import Step, Tried
 from .trials import beside_contained, beside_load, is_needless, p_beside, surer
+from .waves import as_one_wave
 
 Array = NDArray[np.float64]
 
@@ -506,6 +507,12 @@ class Search:
             return False
         self.steps[-1] = replace(before, result=result, held_out=cross_validated(result.misfit, result.vector))
         return True
+
+    def as_one_wave(self) -> None:
+        """Gives effects over a part of the revolution the one wave that explains as much, see `waves`."""
+        last = self.steps[-1]
+        if self.only_timed and (result := as_one_wave(last.result)):
+            self.steps[-1] = replace(last, result=result, held_out=cross_validated(result.misfit, result.vector))
 
     def _refined(self) -> bool:
         """Gives friction more elements where they earn it from where a trial has led the plant; whether it has any."""

@@ -32,7 +32,7 @@ _NATIVE = "frictionloss"  # what MuJoCo has, and no bearing
 VANISHED = 1e-6  # of what a strength was, or of the strongest harmonic
 _ROUND = 0.95  # of the revolution: visited as good as whole
 _STRAIGHT = 0.05  # of a revolution, over which a sine of it is a straight line
-_PART = 0.25  # of a wave, that a record passes through at least
+PART_OF_WAVE = 0.25  # that a record passes through at least
 ORDERS = 48  # harmonics tried per revolution; of more those that stand out
 _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
@@ -262,7 +262,7 @@ def _grid(
         # A torque once per revolution is gravity's. A harmonic that the motion does not pass through once cannot be
         # told from a spring or an offset; friction that no record passes through once, from what a load leaves of its.
         if effect.modulates:
-            turn, least = _longest(observations), 1 if plant is not None and LOADED in plant else _PART
+            turn, least = longest_way(observations), 1 if plant is not None and LOADED in plant else PART_OF_WAVE
         else:
             turn, least = _visited(observations) / _ROUND, 1
         return [n for n in range(1 if effect.modulates else 2, ORDERS + 1) if n * turn >= least]
@@ -296,7 +296,7 @@ def _visited(observations: Sequence[Seen]) -> float:
     return len(np.unique(np.concatenate(been))) / bins
 
 
-def _longest(observations: Sequence[Seen]) -> float:
+def longest_way(observations: Sequence[Seen]) -> float:
     """Revolutions that the longest way of a record from end to end is."""
     return max(float(np.ptp(o.position)) for o in observations) / (2 * math.pi)
 
@@ -305,7 +305,7 @@ def is_part_of_wave(effect: Effect, observations: Sequence[Seen]) -> bool:
     """Whether an effect makes friction vary in waves over the place that no record passes through once."""
     if not (effect.modulates and grows(type(effect))):
         return False
-    return float(np.min(effect.values["harmonics"])) * _longest(observations) < 1
+    return float(np.min(effect.values["harmonics"])) * longest_way(observations) < 1
 
 
 def _count(o: Seen) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import effects
 from ..effect import Effect
-from ..errors import ModelError
+from ..errors import ModelError, listing
 from ..plant import Plant
 from ..threads import each
 from .frf_observation import FrfObservation, Seen
@@ -55,6 +55,15 @@ def to_identify(law: str, **values: float) -> Effect:
     """A law of friction by its name, to be identified but for the values given."""
     effect = effects.find(law)
     return effect(ELEMENTS if any(p.per_element for p in effect.parameters) else None, **values)
+
+
+def of_one_law(plant: Plant) -> str:
+    """That a plant has several laws of friction, each of which is all of it; empty where it has one or none."""
+    laws = [e.name for e in plant.effects if e.name in LAWS]
+    return "" if len(laws) < 2 else (
+        f"{listing(laws)} are each a law of all the friction, and data can hardly tell what is whose; one of them is "
+        "enough"
+    )  # fmt: skip
 
 
 def starts(plant: Plant, observations: Sequence[Seen]) -> list[Plant]:

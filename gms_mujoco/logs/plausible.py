@@ -356,8 +356,8 @@ def _apart(alone: Mapping[str, Rows], unit: str) -> dict[str, str]:
     """A sentence on each record that by itself looks like another axis than all the others do, by its name; raises
     DataError where the torque of one works against the motion and that of the others does not.
 
-    Of a motion that says little of an inertia nothing is said. A spring looks like a negative one, and with a drive that
-    is late like friction that drives the axis: a sign is wrong where it makes one like the others.
+    Of a motion that says little of an inertia nothing is said. A spring looks like a negative one, and behind a drive
+    that is late like friction that drives the axis: a sign is wrong where it makes one like the others.
     """
     rough = {name: found for name, rows in alone.items() if (found := rough_inertia([rows])) and found.is_told}
     said = {}
@@ -370,9 +370,9 @@ def _apart(alone: Mapping[str, Rows], unit: str) -> dict[str, str]:
         if found.power < 0 and found.inertia < 0 and ratio < _ALIKE_ROUGHLY:
             raise DataError(f"{name}: {_against('it shows, unlike the others,', found, unit)}")
         if found.inertia > 0 and len(others) > 1 and ratio > _APART and max(others) < _APART * min(others):
-            said[name] = (f"{name} by itself looks like an inertia of about {found.inertia:.2g} {unit}, the others like "
-                          f"{usual:.2g} {unit}: {ratio:.2g} times apart{hint(ratio, _ROUGHLY)}; is one of its columns in another "
-                          "unit?")
+            said[name] = (f"{name} by itself looks like an inertia of about {found.inertia:.2g} {unit}, the others "
+                          f"like {usual:.2g} {unit}: {ratio:.2g} times apart{hint(ratio, _ROUGHLY)}; is one of its "
+                          "columns in another unit?")  # fmt: skip
     return said
 
 
@@ -457,8 +457,8 @@ def _moved_without(record: Record) -> str:
         return ""
     first, last = gains[0]
     more = f", and {len(gains) - 1} times more" if len(gains) > 1 else ""
-    return (f"the axis gathers speed without a torque from {record.time[first]:.4g} to {record.time[last]:.4g} s{more}: "
-            "what a weight or a spring does, or a hand while the drive was off; of a hand leave that part out, with "
+    return (f"the axis gathers speed without a torque from {record.time[first]:.4g} to {record.time[last]:.4g} s{more}"
+            ": what a weight or a spring does, or a hand while the drive was off; of a hand leave that part out, with "
             "span")  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_what_has_taken_most_of_what_was_left_is_gone_on_from_however_little_tha
         assert not any("limit" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("given", [0.0, -1.0, math.nan])
-def test_an_effort_that_is_none_is_refused(given: float) -> None:
+@pytest.mark.parametrize("given", [0.0, -1.0, math.nan, "2"])
+def test_an_effort_that_is_none_is_refused(given: Any) -> None:
     with pytest.raises(ModelError, match="effort must be positive"):
         diagnose(dataset(HEALTHY), UNKNOWN, effort=given)

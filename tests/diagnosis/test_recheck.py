@@ -13,7 +13,16 @@ from gms_mujoco.diagnose import diagnose
 from gms_mujoco.diagnosis.beyond import Hint
 from gms_mujoco.diagnosis.friction_law import with_law
 from gms_mujoco.diagnosis.judgement import Trial, carries
-from gms_mujoco.diagnosis.recheck import drop_false, drop_last, drop_ripple, drop_shadows, exchange, join_laws, undoing
+from gms_mujoco.diagnosis.recheck import (
+    drop_false,
+    drop_last,
+    drop_ripple,
+    drop_shadows,
+    exchange,
+    join_laws,
+    law_first,
+    undoing,
+)
 from gms_mujoco.diagnosis.search import Search
 from gms_mujoco.diagnosis.steps import Step
 from gms_mujoco.effect import Effect
@@ -38,7 +47,6 @@ def fit_steps(search: Search, *added: Effect) -> None:
         result = fit_observations(plant, search.seen)
         name = effect and effect.name
         search.steps.append(Step(name, result, held_out=cross_validated(result.misfit, result.vector)))
-
 
 
 def changed(runs: Dataset, torque: object) -> Dataset:
@@ -106,6 +114,23 @@ def test_a_law_that_was_found_beside_the_own_one_is_no_effect(first: bool) -> No
     assert "stribeck" in search.steps[0].result.plant and "torque_offset" not in search.steps[0].result.plant
     assert search.steps[-1].result is last and search.steps[0].result.error > 1.2 * last.error
     assert search.steps[-1].p_value < 1e-3 and join_laws(search) == ""
+
+
+def test_a_general_law_comes_before_what_was_found_beside_the_simple_one() -> None:
+    """Else the table has a plant with neither of the two on its way, and more left of it than of the first."""
+    simple = Plant.axis(J) + effects.Frictionloss() + effects.Viscous()
+    search = Search(observe(runs(HEALTHY + HIDDEN["torque_offset"]), J), [], simple)
+    fit_steps(search, effects.TorqueOffset(torque=0.0))
+    whole = fit_observations(with_law(search.steps[-1].result.plant, UNKNOWN["gms"]), search.seen)
+    search.steps.append(Step("gms", whole, held_out=cross_validated(whole.misfit, whole.vector)))
+    law_first(search)
+    assert [s.effect for s in search.steps] == [None, "gms", "torque_offset"]
+    errors = [s.result.error for s in search.steps]
+    assert errors == sorted(errors, reverse=True) and search.steps[-1].result is whole
+    assert "torque_offset" not in search.steps[1].result.plant and search.steps[1].p_value < 1e-3
+    before = list(search.steps)
+    law_first(search)
+    assert search.steps == before
 
 
 @pytest.mark.parametrize("phase", [0.0, np.pi])
