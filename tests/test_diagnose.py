@@ -344,11 +344,16 @@ SCALES = {"speed": 1.0, "temperature_scale": 15.0}
 @pytest.mark.slow
 @pytest.mark.parametrize("name, form", [(name, form) for name in MODULATING for form in FORMS[name]], ids=str)
 def test_every_form_of_what_modulates_friction_is_named(name: str, form: dict[str, float]) -> None:
-    """Beside a temperature that was logged, which friction follows or does not."""
+    """Beside a temperature that was logged, which friction follows or does not, and by records at once or by a clock
+    that goes on between them."""
     form = {k: v * SCALES.get(k, 1.0) for k, v in form.items()}
     hidden = HEALTHY + MODULATING[name].replace(**form)
     temperature = 35 + 25 * np.sin(np.linspace(0, 9, round(3.0 / SAMPLE_TIME)))
-    d = diagnose(dataset(hidden, temperature=temperature), UNKNOWN)
+    measured = dataset(hidden, temperature=temperature)
+    if form.get("anew"):
+        later = (replace(r, time=r.time + 3600.0 * i) for i, r in enumerate(measured.records))
+        measured = replace(measured, records=tuple(later))
+    d = diagnose(measured, UNKNOWN)
     assert [e.name for e in d] == [name]
     found = {k: d.plant[name].values[k] for k in form}
     for scale in SCALES.keys() & form.keys():  # is found, all else is chosen

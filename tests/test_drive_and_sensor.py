@@ -222,6 +222,17 @@ def test_drift_follows_the_time_stamps_of_a_part_of_a_record():
     assert np.array_equal(part[1:], joint.replay(*motion).torque[4001:])
 
 
+def test_drift_that_begins_anew_with_a_record_is_as_by_a_clock_that_does():
+    drift = effects.ThermalDrift(amplitude=0.6, viscous=1e-3, time_constant=2.0)
+    t = H * np.arange(8000)
+    motion = np.sin(3 * t), 3 * np.cos(3 * t)
+    by_clock, anew = (DRY + d for d in (drift, drift.replace(anew=1.0)))
+    expected = by_clock.joint().replay(t, *motion).torque
+    assert anew.joint().replay(t + 3600.0, *motion).torque == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    warm = (DRY + drift.replace(amplitude=0.0, viscous=0.0)).joint().replay(t, *motion).torque
+    assert by_clock.joint().replay(t + 3600.0, *motion).torque == pytest.approx(warm, rel=1e-9, abs=1e-15)
+
+
 @pytest.mark.parametrize("drive", [effects.CurrentLoopLag(time=4e-4), effects.Delay(time=1.6e-3)], ids=lambda e: e.name)
 def test_inside_a_sample_the_drive_delivers_what_it_does_over_the_sample(drive: effects.Effect) -> None:
     """Where parts of a sample are whole in the delay, their mean is exactly that of the sample."""

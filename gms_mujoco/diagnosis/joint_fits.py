@@ -15,7 +15,7 @@ from .. import effects
 from ..effect import Effect
 from ..fit import fit_observations
 from ..fit_result import FitResult
-from ..identification.candidates import absent, joined, shapes, width_of
+from ..identification.candidates import ANEW, absent, begin_apart, joined, shapes, width_of
 from ..identification.frf_observation import FrfObservation, Seen
 from ..identification.least_squares import nudge
 from ..identification.misfit import Misfit
@@ -48,8 +48,8 @@ FORMS: dict[str, tuple[dict[str, float], ...]] = {
     "load_dependent_friction": _WITH_DRAG,
     "position_dependent_friction": _WITH_DRAG,
     "thermal_drift": tuple(
-        form | {"speed": speed, "temperature_scale": scale}
-        for speed, scale in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        form | {"speed": speed, "temperature_scale": scale, "anew": anew}
+        for speed, scale, anew in ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
         for form in _SCALING
     ),
 }  # fmt: skip
@@ -112,7 +112,8 @@ class JointFits:
         With those that are `seldom` right, or without.
 
         Those with a speed have that of the effect, or a typical one; those with a scale of temperature likewise, and
-        there are none where no temperature was measured that varies. Responses alone hardly tell dry friction of a load
+        there are none where no temperature was measured that varies. What begins anew with each record is as if by
+        time, but where records begin at other times. Responses alone hardly tell dry friction of a load
         from that of the joint, and each look at one is a balance to be found.
         """
         if effect.name not in FORMS or (plant is not None and effect.name in plant):
@@ -121,6 +122,7 @@ class JointFits:
         if FORMS[effect.name] is _RUBBING and all(isinstance(o, FrfObservation) for o in self.seen):
             return [{}]
         scales = {name: float(np.ravel(effect.values[name])[0]) or self._scales[unit] for name, unit in units.items()}
+        scales[ANEW] = float(begin_apart(self.seen))
         forms = FORMS[effect.name] + (_SELDOM.get(effect.name, ()) if seldom else ())
         known = [form for form in forms if all(scales.get(k, 1.0) for k, v in form.items() if v)]
         return [{k: v * scales.get(k, 1.0) for k, v in form.items()} for form in known]

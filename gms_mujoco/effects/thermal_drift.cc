@@ -2,7 +2,7 @@
 
 namespace {
 
-enum { kAmplitude, kViscous, kTime, kStiffening, kSpeed, kScale, kWhole };  // parameters
+enum { kAmplitude, kViscous, kTime, kStiffening, kSpeed, kScale, kWhole, kAnew };  // parameters
 
 constexpr double kColdest = -50;  // heat, below which what is left would be no friction, and at last no number
 
@@ -22,24 +22,29 @@ double begun(const double* p, const gms::Motion& m, double theta) {
   return p[kScale] > 0 && m.duration == 0 ? goal(p, m) : theta;
 }
 
+// Time since the axis was cold where an interval ends that begins in some state.
+double since(const double* p, const gms::Motion& m, double state) {
+  return p[kAnew] != 0 ? state + m.duration : m.time;
+}
+
 // How much of the change is left after heat theta.
 double left(const double* p, double time, double theta) {
   return std::exp(heats(p) ? -theta : -time / p[kTime]);
 }
 
 void modulate(const double* p, int, const gms::Motion& m, const double* state, gms::Level& level) {
-  const double factor = 1 + p[kAmplitude] * left(p, m.time, begun(p, m, state[0]));
+  const double factor = 1 + p[kAmplitude] * left(p, since(p, m, state[0]), begun(p, m, state[0]));
   level.scale(factor, p[kStiffening] != 0, p[kWhole] != 0);
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
-  const double theta = begun(p, m, state[0]);
-  next[0] = theta;
+  const double theta = begun(p, m, state[0]), time = since(p, m, state[0]);
+  next[0] = heats(p) ? theta : time;
   if (heats(p) && m.duration > 0) {  // exact at the mean speed of the interval
     const double rest = goal(p, m);
     next[0] = rest + (theta - rest) * std::exp(-m.duration / p[kTime]);
   }
-  return -p[kViscous] * m.velocity * left(p, m.time, next[0]);
+  return -p[kViscous] * m.velocity * left(p, time, next[0]);
 }
 
 }  // namespace
@@ -51,8 +56,9 @@ const gms::Effect gms_effect_thermal_drift = {
     "friction",
     "Friction that settles while the axis warms up: the level of every friction law of the joint is multiplied by\n"
     "1 + a exp(-t/tau), and a drag b exp(-t/tau) is added to the viscous one, t being the time stamp of the record: it\n"
-    "begins near zero where the axis was cold. The other parameters describe the warm axis, so friction that grows from\n"
-    "(1 + a) Fc to Fc has a < 0. Grease thins as it warms: in robot joints most of the change is in the drag.\n"
+    "begins near zero where the axis was cold; with n = 1 t begins anew with each record, before which the axis has\n"
+    "cooled. The other parameters describe the warm axis, so friction that grows from (1 + a) Fc to Fc has a < 0. Grease\n"
+    "thins as it warms: in robot joints most of the change is in the drag.\n"
     "So heat comes with time alone, and goes on at rest. With a speed V > 0 it is friction's own: exp(-theta) stands for\n"
     "exp(-t/tau), where tau dtheta/dt = |v|/V - theta from 0 where the record begins, and the axis cools as it rests. With\n"
     "a scale W > 0 it is what was measured, T being the signal `temperature` of a record: tau dtheta/dt = (T - 20)/W - theta\n"
@@ -71,7 +77,8 @@ const gms::Effect gms_effect_thermal_drift = {
      {"stiffening", "1", 1, 0, 1, false, false, "s, 1: the stiffness fades with the level; 0: the level alone"},
      {"speed", "rad/s", 0, 0, gms::kInfinity, false, true, "V, speed that in the long run heats to theta = 1; 0: time does"},
      {"temperature_scale", "K", 0, 0, gms::kInfinity, false, true, "W, rise of the temperature that is theta = 1; 0: not used"},
-     gms::kWholeTorque},
+     gms::kWholeTorque,
+     {"anew", "1", 0, 0, 1, false, false, "n, 1: t is from where a record begins; 0: t is its time stamp"}},
     n_state,
     nullptr,
     nullptr,

@@ -38,6 +38,8 @@ _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
+ANEW = "anew"  # parameter that tells what begins with each record from what follows one clock
+_LATER = 0.1  # of the longest record, by which another begins later that is not at once
 _WIDE = 2.0  # times by how much the temperature varies: what falls exponentially over it is hardly bent
 
 
@@ -217,6 +219,8 @@ def shapes(
     for p in effect.parameters:
         if p.unit == KELVIN and scales[p.unit]:
             grids[p.name] = [0.0, _WIDE * scales[p.unit]]
+        if p.name == ANEW and begin_apart(observations):
+            grids[p.name] = [0.0, 1.0]
         if p.unit == DECELERATION and any(isinstance(o, Observation) for o in observations):
             grids[p.name] = [0.0, scales[p.unit]]
         if p.name == "phase" or not math.isnan(p.default):
@@ -229,6 +233,14 @@ def shapes(
         grids[p.name] = [float(v) for v in np.clip(values, p.lower, p.upper)]
     for chosen in itertools.product(*grids.values()):
         yield dict(zip(grids, chosen, strict=True))
+
+
+def begin_apart(observations: Sequence[Seen]) -> bool:
+    """Whether records begin at times that are apart by more than a part of the longest: by one clock, and another
+    cause may have gone on or ended between them."""
+    runs = [o for o in observations if isinstance(o, Observation)]
+    begins = [float(o.record.time[0]) for o in runs]
+    return bool(runs) and np.ptp(begins) > _LATER * max(o.duration for o in runs)
 
 
 def width_of(effect: type[Effect]) -> str | None:

@@ -252,9 +252,11 @@ def visible_limits(plant: Plant, observations: Sequence[Seen]) -> dict[str, tupl
             limits[f"{e.name}.stribeck_exponent"] = (*_BENT, float(np.asarray(e.values["stribeck_exponent"])))
     timed = [o.time for o in observations if isinstance(o, Observation)]
     if "thermal_drift" in plant and not plant["thermal_drift"].unset and timed:
+        longest = max(float(np.ptp(t)) for t in timed)
         span = max(float(t[-1]) for t in timed) - min(float(t[0]) for t in timed)
-        settles = float(np.asarray(plant["thermal_drift"].time_constant))
-        limits["thermal_drift.time_constant"] = (1e-3 * span, _SETTLES * span, settles)
+        drift = plant["thermal_drift"]
+        most = _SETTLES * (longest if drift.anew else span)
+        limits["thermal_drift.time_constant"] = (1e-3 * longest, most, float(np.asarray(drift.time_constant)))
     if timed:
         fastest = 0.5 / min(o.sample_time for o in observations if isinstance(o, Observation))
         for e in plant.effects:

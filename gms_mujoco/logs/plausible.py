@@ -41,6 +41,7 @@ _RARE, _FAR_TORQUE = 0.02, 8.0  # of the rows leap, and by so many times what th
 _SPIKE = 10.0  # times what a motion is off a curve through the rows around, and bends there: a reading that failed
 _NO_TORQUE = 10.0  # times the largest torque of a record: none that acted
 _LATE = (8, 16, 32)  # rows within which a drive that lags or a log that is late has an axis answer
+_NEARLY_BACK = 0.5  # of how far it leaps away, by which a torque that comes back may be off
 _BEYOND = 2.0  # times the largest torque of the other rows
 _SEEN, _HALF = 5.0, 0.5  # times what a velocity changes by anyway; of the change that is due
 _STAYS = 10  # rows there after another
@@ -246,14 +247,23 @@ def _between(record: Record, rows: NDArray[np.intp]) -> Record:
 
 def _torque_leaps(record: Record) -> NDArray[np.intp]:
     """(k,) rows in which the torque is far from that of the rows around for a few at a time, and zero or by far the
-    largest."""
+    largest, and after which it is back where it was."""
     u = record.torque
     away = np.abs(u - scipy.ndimage.median_filter(u, 2 * _FEW_ROWS + 1, mode="nearest"))
     usual = float(np.quantile(away, 1 - _RARE))
     leaps = away > _FAR_TORQUE * usual if usual else np.zeros(len(u), bool)
     most = _BEYOND * np.abs(u[~leaps]).max(initial=0.0)
     rows = np.flatnonzero(leaps & ((u == 0) | (np.abs(u) > most)))
-    return rows[(rows >= _FEW_ROWS + _SLOPE) & (rows < len(u) - _FEW_ROWS - 1 - _SLOPE)]
+    rows = rows[(rows >= _FEW_ROWS + _SLOPE) & (rows < len(u) - _FEW_ROWS - 1 - _SLOPE)]
+    groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
+    return np.array([k for rows in groups if _comes_back(u, rows) for k in rows], np.intp)
+
+
+def _comes_back(torque: Array, rows: NDArray[np.intp]) -> bool:
+    """Whether a torque (n,) after some rows in a row, a few, is about where it was before them."""
+    before, after = torque[rows[0] - 1], torque[rows[-1] + 1]
+    away = np.abs(torque[rows] - (before + after) / 2).min()
+    return len(rows) <= _FEW_ROWS and bool(abs(after - before) <= _NEARLY_BACK * away)
 
 
 def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[np.bool_]:

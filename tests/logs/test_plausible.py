@@ -294,6 +294,16 @@ def test_a_torque_that_the_axis_does_not_answer_was_read_wrong(axis: str, wrong:
         assert not [n for n in logged(tmp_path, axis, run=acted).notes if "leaps" in n]
 
 
+def test_a_torque_that_does_not_come_back_within_a_few_rows_is_left_as_it_is(tmp_path: Path) -> None:
+    """A kink of what is asked for leaps by far the furthest, and fades."""
+    kink = RUN.torque.copy()
+    kink[1000:1010] = -9.0 * 0.7 ** np.arange(10)
+    notes = logged(tmp_path, torque=lambda u: kink).notes
+    assert not any("leaps" in n for n in notes)
+    spike = np.where(np.arange(len(kink)) == 1000, -9.0, RUN.torque)
+    assert any("the torque leaps and comes back in 1 rows" in n for n in logged(tmp_path, torque=lambda u: spike).notes)
+
+
 def test_what_may_be_wrong_with_a_log_is_said(tmp_path: Path) -> None:
     clipped = logged(tmp_path, torque=lambda u: np.clip(u, -2.0, 2.0))
     assert any("the torque stands at 2 in" in note for note in clipped.notes)
