@@ -266,7 +266,7 @@ def _searched(
             instead = searched(other, False, part(report, 0.9, 0.9), search)
             if comes_further(search, other):
                 if free_law:
-                    law_said = told_instead(search, other)
+                    law_said = told_instead(search, other) or law_said
                 else:
                     add_law(search, other)
                 search, late = other, instead.late
@@ -274,7 +274,7 @@ def _searched(
                 break
     if not free_law:
         law_first(search)
-    elif joined := join_laws(search):
+    elif (joined := join_laws(search)) and joined not in law_said:
         law_said = "; ".join(filter(None, (law_said, joined)))
     return _Ended(search, law_said, inertia_said, load_said, late)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .. import effects
 from ..compare import Comparison
 from ..comparison.score import times
-from ..identification.undetermined import never_slips
+from ..identification.undetermined import hardly_slides, never_slips
 from .beyond import Hint
 from .custom import Scored
 from .findings import Diagnosis, Rejected
@@ -91,8 +91,9 @@ def conclude(
         following = following or _to_isolate(rejected, record, look, error, _comes_back(steps[-1]))
     off = f"The fit records are off {moments}" if moments and at_floor else ""
     unseen = _unseen(steps[-1].comparison, negligible) if at_floor else ""
-    of_waves = known_in_part(last) if added else ""
-    notes = tuple(f"{line}." for line in (last.habit, off, of_waves, unseen, _contradicted(steps, comparisons)) if line)
+    in_part = known_in_part(last) if added else "", hardly_slides(last.plant, last.misfit.observations)
+    lines = (last.habit, off, *in_part, unseen, _contradicted(steps, comparisons))
+    notes = tuple(f"{line}." for line in lines if line)
     notes = (*notes, *(s.said for s in own))
     tried = (*rejected, *(Rejected(s.name, s.p_value, s.error) for s in own))
     return Diagnosis(verdict, floor, steps, tried, remainder, following, notes)

@@ -216,8 +216,8 @@ def is_close(search: Search) -> bool:
 
 def with_laws_added(search: Search, start: Plant) -> list[Plant]:
     """The same of a plant whose law of friction is simple, and no more to be chosen: with each general one, which is an
-    effect that may be missing, in its place; none where no records tell it."""
-    laws = with_general_laws(start) if search.timed else {}
+    effect that may be missing, in its place; none where a servo's runs hardly tell it."""
+    laws = {} if search.fits.simulated else with_general_laws(start)
     return [plant for name, plant in laws.items() if name not in search.without]
 
 
@@ -277,8 +277,11 @@ def _is_told_more(search: Search, other: Search) -> bool:
 
 
 def told_instead(search: Search, other: Search) -> str:
-    """The sentence on the law of a search that has come further than one with another law."""
-    one, its = (_told(s.steps[-1].result.plant, law_of(s.start)) for s in (other, search))
+    """The sentence on the law of a search that has come further than one with another law; empty where both have ended
+    with the same."""
+    one, its = (_told(plant, law_of(plant)) for plant in (s.steps[-1].result.plant for s in (other, search)))
+    if one == its:
+        return ""
     now, before = (100 * s.steps[-1].result.error for s in (other, search))
     if _is_told_more(search, other):
         return f"{one} describes the friction, in the place of {its}: beside it a cause explains most of what is left"

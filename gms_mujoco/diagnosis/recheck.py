@@ -180,7 +180,10 @@ def join_laws(search: Search) -> str:
     last = Trial("", search.steps[-1].result, search.held_out)
     base, *fits = _up_to(last, [s.effect for s in others])
     search.steps = _onwards([replace(first, result=base.result, held_out=base.held_out)], others, fits)
-    return f"{' and '.join(joined)} was found beside it, and counts to the law"
+    names = " and ".join(joined)
+    if any(e.name in LAWS and e.name not in joined for e in base.result.plant.effects):
+        return f"{names} was found beside it, and counts to the law"
+    return f"{names} describes the friction"
 
 
 def law_first(search: Search) -> None:

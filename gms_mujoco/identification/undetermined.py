@@ -12,11 +12,13 @@ from .. import effects
 from ..effect import Effect
 from ..plant import Plant
 from .frf_observation import FrfObservation, Seen
+from .inverse import Observation
 
 TELLS = "; what would tell it: "  # between a parameter and its experiment in a provenance
 _UNKNOWN = 10.0  # an interval whose ends differ by this factor says nothing
 _SHARE = 0.02  # of the stiffness of all elements, above which one that never slips is worth a word
 _BARELY = 0.9  # of the largest motion: an element that slips only beyond shows no level of its own
+_SLIDES = 5.0  # times as far as friction bends, that a record goes which slides
 _EXPERIMENTS = {
     "gms.stiffness": "sines or reversals at amplitudes from well below to well above the break-away distances",
     "gms.fraction": "sines or reversals at more amplitudes, closer together",
@@ -82,6 +84,29 @@ def never_slips(plant: Plant, observations: Sequence[Seen]) -> str:
         f"A stiffness of {held:.3g} {unit} in gms did not slip up to {reach:.3g} {size}: these data cannot tell it "
         f"from {also} of that stiffness. Slow motion to several times that amplitude would: friction then slips "
         "and does not return, a spring pulls back in proportion."
+    )
+
+
+def hardly_slides(plant: Plant, observations: Sequence[Seen]) -> str:
+    """A sentence where no record goes much further than friction takes to give way, so that its level, and how it
+    weakens, are those of pre-sliding; else "".
+
+    Args:
+        plant: every parameter set.
+        observations: what it was fitted to.
+    """
+    runs = [o for o in observations if isinstance(o, Observation)]
+    law = next((e for e in plant.effects if "stiffness" in e.values and "coulomb" in e.values), None)
+    if law is None or len(runs) < len(observations):
+        return ""
+    level = float(np.max([law.coulomb, law.values.get("static", 0.0)]))
+    bends, goes = level / float(np.sum(law.stiffness)), max(float(np.ptp(o.position)) for o in runs)
+    if goes > _SLIDES * bends or bends <= 0:
+        return ""
+    unit = "rad" if plant.kind == "hinge" else "m"
+    return (
+        f"No record slides: the longest way is {goes:.2g} {unit}, and friction bends by {bends:.2g} {unit} before it "
+        "gives way. Its level and how it weakens with speed are guesses from that; one record that slides tells them"
     )
 
 

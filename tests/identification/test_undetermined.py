@@ -12,7 +12,13 @@ from gms_mujoco.excitation import multisine
 from gms_mujoco.fit import fit
 from gms_mujoco.frf import FRF
 from gms_mujoco.identification.observe import observe
-from gms_mujoco.identification.undetermined import by_experiment, left_open, never_slips, undetermined
+from gms_mujoco.identification.undetermined import (
+    by_experiment,
+    hardly_slides,
+    left_open,
+    never_slips,
+    undetermined,
+)
 from gms_mujoco.plant import Plant
 from gms_mujoco.record import Record
 from gms_mujoco.sweep import stepped_sine
@@ -53,6 +59,17 @@ def test_records_too_say_what_they_cannot_tell() -> None:
     small, large = fit(known, records(0.15)).undetermined, fit(known, records(3.0)).undetermined
     assert {"gms.stribeck_velocity", "gms.attraction"} <= set(small)
     assert not SLIDING & set(large)
+
+
+def test_records_that_never_slide_say_so_and_those_that_do_say_nothing() -> None:
+    rng = np.random.default_rng(1)
+    law = effects.LuGre(stiffness=1.0, damping=1e-4, coulomb=LEVEL, static=LEVEL, stribeck_velocity=1.0)
+    bristle = Plant.axis(J) + law + AXIS["viscous"]
+    for plant, bends in ((AXIS, 1.2 * LEVEL / 1.2), (bristle, LEVEL)):
+        small, large = (run(plant, multisine(2000, 5e-4, 1, 60, s * LEVEL, rng)) for s in (0.15, 3.0))
+        assert f"bends by {bends:.2g} rad before it gives way" in hardly_slides(plant, observe([small], J))
+        assert hardly_slides(plant, observe([small, large], J)) == ""
+    assert hardly_slides(Plant.axis(J) + AXIS["viscous"], observe([small], J)) == ""
 
 
 def test_the_level_of_elements_that_never_slipped_is_open_above() -> None:
