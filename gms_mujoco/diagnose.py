@@ -50,12 +50,11 @@ from .effort import counted
 from .errors import DataError, ModelError
 from .fit import baseline
 from .fit_result import FitResult, with_covariance
-from .identification.candidates import has_general_law
+from .identification.candidates import has_general_law, with_one_law
 from .identification.frf_observation import Seen, tells_another_noise
 from .identification.inverse import Observation
 from .identification.observe import driven, expect_enough, loaded, observe
 from .identification.refine import finished, gone_on
-from .identification.starts import of_one_law
 from .identification.time_steps import as_fitted
 from .plant import Plant
 from .progress import Progress, part, silent
@@ -93,7 +92,7 @@ def diagnose(
     law of your own `plant` gives way to another in the same way, but to none in `without`: the evidence of the baseline
     says so. Where it has a simple one (`coulomb`, `stribeck`, `dahl`, `frictionloss`, or none), `gms` and `lugre` are
     effects that may be missing, and take its place; where the end is above the noise floor the whole search is made
-    beside each of them, too.
+    beside each of them, too. Of several laws one of which is general that alone is gone on with, and a note says so.
 
     Frequency responses that come without a deviation are weighed again by what the plant leaves that was found beside
     them first, and all is looked for again.
@@ -145,7 +144,8 @@ def diagnose(
     start = plant or baseline(runs.inertia, runs.kind, controller=runs.controller)
     driven(start, runs.all)
     expect_torques(shapes, runs.fit)
-    runs = runs.with_temperature_of_all()
+    start, said = with_one_law(start)
+    runs = replace(runs.with_temperature_of_all(), notes=(*runs.notes, said))
     with counted() as spent:
         return _diagnosed(runs, start, shapes, without, Patience(effort, spent), report)
 
@@ -207,7 +207,7 @@ def _diagnosed(
     if patience.cut and found.remainder:
         found = replace(found, notes=(*found.notes, patience.said))
     report(1.0, "done")
-    return replace(found, data=tuple(line for line in (runs.split, *runs.notes, of_one_law(start)) if line))
+    return replace(found, data=tuple(line for line in (runs.split, *runs.notes) if line))
 
 
 class _Ended(NamedTuple):
@@ -274,7 +274,7 @@ def _searched(
                 break
     if not free_law:
         law_first(search)
-    elif (joined := join_laws(search)) and joined not in law_said:
+    elif (joined := join_laws(search, law_of(start))) and joined not in law_said:
         law_said = "; ".join(filter(None, (law_said, joined)))
     return _Ended(search, law_said, inertia_said, load_said, late)
 

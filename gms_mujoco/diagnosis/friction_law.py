@@ -19,7 +19,7 @@ from ..identification.least_squares import nudge
 from ..identification.linear_model import cross_validated
 from ..identification.misfit import Misfit
 from ..identification.refine import CLOSE_TO_FLOOR, refined
-from ..identification.starts import LAWS, to_identify
+from ..identification.starts import ELEMENTS, LAWS, to_identify
 from ..plant import Plant
 from ..progress import silent
 from .friction_shape import (
@@ -196,8 +196,10 @@ class FrictionLaw:
 
 def with_other_laws(search: Search, start: Plant) -> list[Plant]:
     """Plants with each of the other laws of friction among which the data may choose, beside which a search that has
-    ended above the noise floor may come further."""
+    ended above the noise floor may come further; and with more elements where its own has fewer than usual."""
     plants = [with_law(start, law) for law in choices(start, search.without)[1:]]
+    if "gms" in start and start["gms"].elements < ELEMENTS:
+        plants.append(with_law(start, to_identify("gms", slips_back=float(np.asarray(start["gms"].slips_back)))))
     return [*plants, slipping_back(start)] if _may_follow_the_letter(search) else plants
 
 
@@ -256,9 +258,11 @@ def leading_further(search: Search, others: Sequence[Search]) -> list[Search]:
 
 
 def _is_there(plant: Plant, other: Plant) -> bool:
-    """Whether a plant has the law of another, read as there."""
+    """Whether a plant has the law of another, read as there and of no fewer elements."""
     law = law_of(other)
-    return law in plant and plant[law].values.get("slips_back") == other[law].values.get("slips_back")
+    if law not in plant or plant[law].elements < other[law].elements:
+        return False
+    return plant[law].values.get("slips_back") == other[law].values.get("slips_back")
 
 
 def comes_further(search: Search, other: Search) -> bool:
@@ -277,11 +281,14 @@ def _is_told_more(search: Search, other: Search) -> bool:
 
 
 def told_instead(search: Search, other: Search) -> str:
-    """The sentence on the law of a search that has come further than one with another law; empty where both have ended
-    with the same."""
+    """The sentence on the law of a search that has come further than one with another law, or with fewer elements;
+    empty where both have ended with the same."""
     one, its = (_told(plant, law_of(plant)) for plant in (s.steps[-1].result.plant for s in (other, search)))
     if one == its:
-        return ""
+        few, many = (s.steps[-1].result.plant[one].elements for s in (search, other))
+        if few == many:
+            return ""
+        one, its = f"{one} of {many} elements", f"{its} of {few}"
     now, before = (100 * s.steps[-1].result.error for s in (other, search))
     if _is_told_more(search, other):
         return f"{one} describes the friction, in the place of {its}: beside it a cause explains most of what is left"

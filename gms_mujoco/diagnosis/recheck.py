@@ -166,9 +166,9 @@ def _onwards(begun: Sequence[Step], steps: Sequence[Step], fits: Sequence[Trial]
     return out
 
 
-def join_laws(search: Search) -> str:
-    """Counts laws of friction that were found beside the own one to the first plant; a sentence on them, empty where
-    there are none.
+def join_laws(search: Search, own: str) -> str:
+    """Counts laws of friction that were found beside that of a search to the first plant; a sentence on them, empty
+    where there are none, and where that is the user's own.
 
     Where the data choose the law they are how friction is described, and no effect that was missing.
     """
@@ -183,7 +183,7 @@ def join_laws(search: Search) -> str:
     names = " and ".join(joined)
     if any(e.name in LAWS and e.name not in joined for e in base.result.plant.effects):
         return f"{names} was found beside it, and counts to the law"
-    return f"{names} describes the friction"
+    return f"{names} describes the friction, in the place of {own}" if names != own else ""
 
 
 def law_first(search: Search) -> None:

@@ -22,7 +22,7 @@ from .frf_observation import FrfObservation, Seen
 from .inverse import Observation
 from .scales import Scales
 from .servo_observation import ServoObservation
-from .starts import LAWS, to_identify
+from .starts import LAWS, of_one_law, to_identify
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,17 @@ def _creeps(plant: Plant) -> bool:
 def has_general_law(plant: Plant) -> bool:
     """Whether a plant has friction that data may tell from any other, rather than a simple law that may lack one."""
     return any(name in plant for name in GENERAL_LAWS)
+
+
+def with_one_law(plant: Plant) -> tuple[Plant, str]:
+    """The plant with the first of its general laws of friction alone, beside which any other is free to become a
+    constant, and a sentence on several laws; the same, and nothing, with one."""
+    said = of_one_law(plant)
+    general = next((e.name for e in plant.effects if e.name in GENERAL_LAWS), None)
+    if not said or general is None:
+        return plant, said
+    kept = tuple(e for e in plant.effects if e.name == general or e.name not in LAWS)
+    return replace(plant, effects=kept), f"{said}: that is {general} here"
 
 
 def with_general_laws(plant: Plant) -> dict[str, Plant]:

@@ -109,11 +109,11 @@ def test_a_law_that_was_found_beside_the_own_one_is_no_effect(first: bool) -> No
     search = Search(observe(runs(HEALTHY + HIDDEN["torque_offset"]), J), [], with_law(UNKNOWN, effects.Dahl()))
     fit_steps(search, *((curve, offset) if first else (offset, curve)))
     last = search.steps[-1].result
-    said = join_laws(search)
+    said = join_laws(search, "dahl")
     assert [s.effect for s in search.steps] == [None, "torque_offset"] and "stribeck was found beside it" in said
     assert "stribeck" in search.steps[0].result.plant and "torque_offset" not in search.steps[0].result.plant
     assert search.steps[-1].result is last and search.steps[0].result.error > 1.2 * last.error
-    assert search.steps[-1].p_value < 1e-3 and join_laws(search) == ""
+    assert search.steps[-1].p_value < 1e-3 and join_laws(search, "dahl") == ""
 
 
 def test_a_general_law_comes_before_what_was_found_beside_the_simple_one() -> None:
