@@ -12,6 +12,7 @@ from gms_mujoco.effect import Effect
 from gms_mujoco.fit import fit, observe
 from gms_mujoco.identification.candidates import (
     applicable,
+    begin_apart,
     is_part_of_wave,
     is_possible,
     is_present,
@@ -21,6 +22,7 @@ from gms_mujoco.identification.candidates import (
     width_of,
     widths,
     with_general_laws,
+    with_one_law,
 )
 from gms_mujoco.identification.inverse import Observation
 from gms_mujoco.identification.scales import Scales
@@ -46,6 +48,26 @@ def test_general_laws_take_the_place_of_what_they_contain() -> None:
         assert all(p.effects[0].unset for p in laws) and laws[0]["gms"].elements > 1
     for law in (HEALTHY["gms"], effects.LuGre(), creeping):
         assert not with_general_laws(bare + dry + law)
+
+
+def test_of_several_laws_a_general_one_stays_alone_and_simple_ones_as_they_are() -> None:
+    dahl, bristle, drag = effects.Dahl(), effects.LuGre(), effects.Viscous()
+    plant, said = with_one_law(Plant.axis(1.0) + dahl + bristle + drag)
+    assert [e.name for e in plant.effects] == ["lugre", "viscous"]
+    assert said.startswith("dahl, lugre are each a law of all the friction") and said.endswith("that is lugre here")
+    for one in (Plant.axis(1.0) + bristle + drag, Plant.axis(1.0) + drag):
+        assert with_one_law(one) == (one, "")
+    simple = Plant.axis(1.0) + dahl + effects.Stribeck()
+    assert with_one_law(simple)[0] == simple and "each a law" in with_one_law(simple)[1]
+
+
+def test_what_begins_anew_is_a_shape_where_records_begin_at_other_times_alone() -> None:
+    at_once = [Observation(r, 50.0) for r in runs(HEALTHY, seconds=1.0)]
+    later = [Observation(replace(o.record, time=o.record.time + 9.0 * i), 50.0) for i, o in enumerate(at_once)]
+    for observed, apart in ((at_once, False), (later, True)):
+        assert begin_apart(observed) == apart
+        tried = [s.get("anew") for s in shapes(effects.ThermalDrift, Scales.of(observed), observed)]
+        assert set(tried) == ({0.0, 1.0} if apart else {None})
 
 
 def test_shapes_are_values_that_the_effect_accepts() -> None:
