@@ -38,6 +38,10 @@ _RESONANCES = 10  # frequencies tried over the range of responses
 _CLOSE = 0.12  # ratio of widths of a play, less 1, that are looked at one after the other
 _END = 0.99  # of the most that a strength may be
 _MOST_HIDDEN = 0.8  # of the inertia
+# Of the largest that is asked of a drive, at which it may be at its limit: the lower ones where one record asks for far
+# more than the others, and half of all is below.
+_OF_LARGEST = np.array([0.06, 0.08, 0.11, 0.15, 0.2, 0.27, 0.37, 0.5, 0.7, 0.85, 0.95])
+_HALF = 0.5
 ANEW = "anew"  # parameter that tells what begins with each record from what follows one clock
 _LATER = 0.1  # of the longest record, by which another begins later that is not at once
 _WIDE = 2.0  # times by how much the temperature varies: what falls exponentially over it is hardly bent
@@ -304,7 +308,9 @@ def _grid(
         finest = max(3 * max(_count(o) for o in observations), 1e-4 * span)
         return np.geomspace(finest, max(0.1 * span, 2 * finest), 9)
     if p.unit == "N m" and effect.kind == "drive":
-        return max(float(np.abs(o.commands).max()) for o in observations) * np.array([0.5, 0.7, 0.85, 0.95])
+        asked = np.abs(np.concatenate([o.commands for o in observations]))
+        limits = np.max(asked) * _OF_LARGEST
+        return limits[(limits > np.median(asked)) | (_OF_LARGEST >= _HALF)]
     if p.unit == "N m":
         return scales.torque * np.array([0.2, 0.6])
     if p.unit == "N m/rad":  # of a contact: it slips after a small part of the motion
