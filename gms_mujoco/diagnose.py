@@ -145,7 +145,8 @@ def diagnose(
     driven(start, runs.all)
     expect_torques(shapes, runs.fit)
     start, said = with_one_law(start)
-    runs = replace(runs.with_temperature_of_all(), notes=(*runs.notes, said))
+    runs = runs.with_temperature_of_all()
+    runs = replace(runs, notes=(*runs.notes, said))
     with counted() as spent:
         return _diagnosed(runs, start, shapes, without, Patience(effort, spent), report)
 

@@ -283,18 +283,19 @@ def _is_told_more(search: Search, other: Search) -> bool:
 def told_instead(search: Search, other: Search) -> str:
     """The sentence on the law of a search that has come further than one with another law, or with fewer elements;
     empty where both have ended with the same."""
-    one, its = (_told(plant, law_of(plant)) for plant in (s.steps[-1].result.plant for s in (other, search)))
+    after, before = (s.steps[-1].result.plant for s in (other, search))
+    one, its = (_told(plant, law_of(plant)) for plant in (after, before))
     if one == its:
-        few, many = (s.steps[-1].result.plant[one].elements for s in (search, other))
+        many, few = (plant[law_of(plant)].elements for plant in (after, before))
         if few == many:
             return ""
         one, its = f"{one} of {many} elements", f"{its} of {few}"
-    now, before = (100 * s.steps[-1].result.error for s in (other, search))
+    now, was = (100 * s.steps[-1].result.error for s in (other, search))
     if _is_told_more(search, other):
         return f"{one} describes the friction, in the place of {its}: beside it a cause explains most of what is left"
     return (
         f"{one} describes the friction, in the place of {its}: with it and what is found beside it the torque error is "
-        f"{now:.2f} %, else {before:.2f} %"
+        f"{now:.2f} %, else {was:.2f} %"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
@@ -349,10 +349,14 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     if fitted and sum(map(len, fitted)) < _FEW:
         said.append(f"only {sum(map(len, fitted))} samples to fit: too few to tell friction from noise, or one effect "
                     "from another")
-    alone = {r.name: rows for r in records if (rows := rows_of(r)) is not None}
-    apart = _apart(alone, unit)
+    alone = [rows_of(r) for r in records]
+    apart = _apart([r.name for r in records], alone, unit)
     said += apart.values()
-    found = rough_inertia([alone[r.name] for r in fitted or records if r.name in alone and r.name not in apart])
+    pooled = [
+        rows for k, (r, rows) in enumerate(zip(records, alone, strict=True))
+        if rows is not None and k not in apart and (not fitted or r.use == "fit")
+    ]  # fmt: skip
+    found = rough_inertia(pooled)
     if found is None or sum(map(len, fitted or records)) < _ENOUGH:
         return said
     if found.power < 0 and (found.inertia < 0 or found.share < _HARDLY_ANY):
@@ -362,27 +366,28 @@ def doubts(records: Sequence[Record], inertia: float | None, kind: str) -> list[
     return said
 
 
-def _apart(alone: Mapping[str, Rows], unit: str) -> dict[str, str]:
-    """A sentence on each record that by itself looks like another axis than all the others do, by its name; raises
+def _apart(names: Sequence[str], alone: Sequence[Rows | None], unit: str) -> dict[int, str]:
+    """A sentence on each record that by itself looks like another axis than all the others do, by its number; raises
     DataError where the torque of one works against the motion and that of the others does not.
 
     Of a motion that says little of an inertia nothing is said. A spring looks like a negative one, and behind a drive
     that is late like friction that drives the axis: a sign is wrong where it makes one like the others.
     """
-    rough = {name: found for name, rows in alone.items() if (found := rough_inertia([rows])) and found.is_told}
+    each = {k: rough_inertia([rows]) for k, rows in enumerate(alone) if rows is not None}
+    told = {k: found for k, found in each.items() if found is not None and found.is_told}
     said = {}
-    for name, found in rough.items():
-        others = [abs(other.inertia) for n, other in rough.items() if n != name and other.power >= 0]
+    for k, found in told.items():
+        others = [abs(other.inertia) for i, other in told.items() if i != k and other.power >= 0]
         if not others:
             continue
         usual = float(np.median(others))
         ratio = max(abs(found.inertia) / usual, usual / abs(found.inertia))
         if found.power < 0 and found.inertia < 0 and ratio < _ALIKE_ROUGHLY:
-            raise DataError(f"{name}: {_against('it shows, unlike the others,', found, unit)}")
+            raise DataError(f"{names[k]}: {_against('it shows, unlike the others,', found, unit)}")
         if found.inertia > 0 and len(others) > 1 and ratio > _APART and max(others) < _APART * min(others):
-            said[name] = (f"{name} by itself looks like an inertia of about {found.inertia:.2g} {unit}, the others "
-                          f"like {usual:.2g} {unit}: {ratio:.2g} times apart{hint(ratio, _ROUGHLY)}; is one of its "
-                          "columns in another unit?")  # fmt: skip
+            said[k] = (f"{names[k]} by itself looks like an inertia of about {found.inertia:.2g} {unit}, the others "
+                       f"like {usual:.2g} {unit}: {ratio:.2g} times apart{hint(ratio, _ROUGHLY)}; is one of its "
+                       "columns in another unit?")  # fmt: skip
     return said
 
 
