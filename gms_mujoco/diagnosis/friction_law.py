@@ -290,6 +290,7 @@ def told_instead(search: Search, other: Search) -> str:
         if few == many:
             return ""
         one, its = f"{one} of {many} elements", f"{its} of {few}"
+    its = its.rstrip(",")  # no verb follows
     now, was = (100 * s.steps[-1].result.error for s in (other, search))
     if _is_told_more(search, other):
         return f"{one} describes the friction, in the place of {its}: beside it a cause explains most of what is left"

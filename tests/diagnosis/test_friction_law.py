@@ -236,6 +236,13 @@ def test_a_law_that_is_much_better_is_told_as_it_was_found() -> None:
     begun = CREEPS.replace(CREEPS["stribeck"].replace(creep_velocity=math.nan))
     said = told_instead(_ended(0.3, 0.04), _ended(0.06, 0.05, CREEPS, begun))
     assert said.startswith("stribeck, which gives way below its level (creep velocity 0.3 rad/s), describes")
+    back = told_instead(_ended(0.3, 0.04, CREEPS, begun), _ended(0.06, 0.05))
+    assert "gms describes" in back and "in the place of stribeck, which gives way below its level (creep" in back
+    assert ",:" not in back
+    few, many = (baseline(J, elements=n) for n in (2, 5))
+    said = told_instead(_ended(0.3, 0.04, few, few), _ended(0.06, 0.05, many, many))
+    assert said.startswith("gms of 5 elements describes the friction, in the place of gms of 2: with it")
+    assert told_instead(_ended(0.3, 0.04), _ended(0.06, 0.05)) == ""
 
 
 @pytest.mark.parametrize(("share", "leads"), [(0.95, False), (0.8, True)])
