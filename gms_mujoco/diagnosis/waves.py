@@ -45,7 +45,7 @@ def known_in_part(result: FitResult) -> str:
     waves = [e for e in plant.effects if grows(type(e))]
     if plant.kind != "hinge" or not waves:
         return ""
-    low, high = _visited(misfit)
+    low, high = _ends(misfit)
     passed = {e.name: np.atleast_1d(e.values["harmonics"]) * (high - low) / (2 * np.pi) for e in waves}
     names = [name for name, p in passed.items() if min(p) < 1 or (len(p) > 1 and high - low < 2 * np.pi)]
     if not names:
@@ -54,7 +54,7 @@ def known_in_part(result: FitResult) -> str:
             "good there may differ beyond")  # fmt: skip
 
 
-def _visited(misfit: Misfit) -> tuple[float, float]:
+def _ends(misfit: Misfit) -> tuple[float, float]:
     """Between which positions the records go."""
     place = np.concatenate([o.position for o in misfit.observations])
     return float(place.min()), float(place.max())
@@ -63,7 +63,7 @@ def _visited(misfit: Misfit) -> tuple[float, float]:
 def _single(result: FitResult, effect: Effect) -> list[Effect]:
     """Some single waves in the place of those of an effect, with which a linear refit leaves least."""
     misfit, x = without(result, effect.name)
-    low, high = _visited(misfit)
+    low, high = _ends(misfit)
     screen, turn = Screen(misfit, x), (high - low) / (2 * np.pi)
     own = np.atleast_1d(effect.values["harmonics"])
     orders = [n for n in range(2, ORDERS + 1) if n * turn >= PART_OF_WAVE and own.tolist() != [n]]

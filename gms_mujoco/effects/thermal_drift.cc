@@ -22,29 +22,28 @@ double begun(const double* p, const gms::Motion& m, double theta) {
   return p[kScale] > 0 && m.duration == 0 ? goal(p, m) : theta;
 }
 
-// Time since the axis was cold where an interval ends that begins in some state.
-double since(const double* p, const gms::Motion& m, double state) {
-  return p[kAnew] != 0 ? state + m.duration : m.time;
-}
+// When the record began, by its time stamps: the state, which its first instant tells.
+double began(const gms::Motion& m, double state) { return m.duration == 0 && state == 0 ? m.time : state; }
 
-// How much of the change is left after heat theta.
-double left(const double* p, double time, double theta) {
-  return std::exp(heats(p) ? -theta : -time / p[kTime]);
+// How much of the change is left where the state is this.
+double left(const double* p, const gms::Motion& m, double state) {
+  if (heats(p)) return std::exp(-state);
+  return std::exp(-(p[kAnew] != 0 ? m.time - began(m, state) : m.time) / p[kTime]);
 }
 
 void modulate(const double* p, int, const gms::Motion& m, const double* state, gms::Level& level) {
-  const double factor = 1 + p[kAmplitude] * left(p, since(p, m, state[0]), begun(p, m, state[0]));
+  const double factor = 1 + p[kAmplitude] * left(p, m, begun(p, m, state[0]));
   level.scale(factor, p[kStiffening] != 0, p[kWhole] != 0);
 }
 
 double torque(const double* p, int, const gms::Motion& m, const gms::Level&, const double* state, double* next) {
-  const double theta = begun(p, m, state[0]), time = since(p, m, state[0]);
-  next[0] = heats(p) ? theta : time;
+  const double theta = begun(p, m, state[0]);
+  next[0] = heats(p) || p[kAnew] == 0 ? theta : began(m, theta);
   if (heats(p) && m.duration > 0) {  // exact at the mean speed of the interval
     const double rest = goal(p, m);
     next[0] = rest + (theta - rest) * std::exp(-m.duration / p[kTime]);
   }
-  return -p[kViscous] * m.velocity * left(p, time, next[0]);
+  return -p[kViscous] * m.velocity * left(p, m, next[0]);
 }
 
 }  // namespace

@@ -251,11 +251,12 @@ def shapes(
 
 
 def begin_apart(observations: Sequence[Seen]) -> bool:
-    """Whether records begin at times that are apart by more than a part of the longest: by one clock, and another
-    cause may have gone on or ended between them."""
+    """Whether all are records, by one clock that goes on between them by more than a part of the longest: what fades
+    with time may have gone on, too, or begun anew. A response has no beginning."""
     runs = [o for o in observations if isinstance(o, Observation)]
-    begins = [float(o.record.time[0]) for o in runs]
-    return bool(runs) and np.ptp(begins) > _LATER * max(o.duration for o in runs)
+    if not runs or len(runs) < len(observations):
+        return False
+    return float(np.ptp([o.record.time[0] for o in runs])) > _LATER * max(o.duration for o in runs)
 
 
 def width_of(effect: type[Effect]) -> str | None:

@@ -30,6 +30,7 @@ from .candidates import (
     has_phase,
     is_continuous,
     joined,
+    longest_way,
     merged,
     shapes,
     strengths,
@@ -241,8 +242,7 @@ class Screen:
     @property
     def _goes_round(self) -> bool:
         """Whether a record turns once: on less, harmonics together are any curve over the position."""
-        furthest = max(float(np.ptp(o.position)) for o in self.misfit.observations)
-        return self.plant.kind == "hinge" and furthest >= 2 * math.pi
+        return self.plant.kind == "hinge" and longest_way(self.misfit.observations) >= 1
 
     def _finer(self, effect: type[Effect]) -> list[dict[str, float]]:
         """Harmonics that stand out of the residual over the place: on a hinge beyond those that are all tried."""

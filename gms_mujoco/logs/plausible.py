@@ -174,10 +174,8 @@ def filled(record: Record) -> tuple[Record, int]:
     """
     q = record.position.copy()
     least = _CAUGHT_UP * (record.resolution or 0.0)
-    still = np.concatenate([[False], np.diff(q) == 0, [False]])
-    edges = np.flatnonzero(np.diff(still.astype(int)))
     held = 0
-    for first, last in _joined(edges.reshape(-1, 2) + 1, q, least):
+    for first, last in _joined(_stretches(np.diff(q) == 0) + 1, q, least):
         n = last - first
         near = max(n // 2, _FEWEST_BESIDE)
         if first < near or last + near > len(q):
@@ -193,6 +191,12 @@ def filled(record: Record) -> tuple[Record, int]:
     if not held or held > _OFTEN * len(q):
         return record, 0
     return record.with_signals({"position": q}), held
+
+
+def _stretches(there: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(k, 2) where something is there (n,) for a while: the first sample of each time, and the one after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
+    return edges.reshape(-1, 2)
 
 
 def _joined(stretches: NDArray[np.intp], position: Array, least: float) -> list[tuple[int, int]]:
@@ -253,17 +257,17 @@ def _torque_leaps(record: Record) -> NDArray[np.intp]:
     usual = float(np.quantile(away, 1 - _RARE))
     leaps = away > _FAR_TORQUE * usual if usual else np.zeros(len(u), bool)
     most = _BEYOND * np.abs(u[~leaps]).max(initial=0.0)
-    rows = np.flatnonzero(leaps & ((u == 0) | (np.abs(u) > most)))
-    rows = rows[(rows >= _FEW_ROWS + _SLOPE) & (rows < len(u) - _FEW_ROWS - 1 - _SLOPE)]
-    groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
-    return np.array([k for rows in groups if _comes_back(u, rows) for k in rows], np.intp)
+    alone = leaps & ((u == 0) | (np.abs(u) > most))
+    alone[: _FEW_ROWS + _SLOPE] = alone[len(u) - _FEW_ROWS - 1 - _SLOPE :] = False
+    back = [np.arange(first, last) for first, last in _stretches(alone).tolist() if _comes_back(u, first, last)]
+    return np.concatenate([np.empty(0, np.intp), *back])
 
 
-def _comes_back(torque: Array, rows: NDArray[np.intp]) -> bool:
-    """Whether a torque (n,) after some rows in a row, a few, is about where it was before them."""
-    before, after = torque[rows[0] - 1], torque[rows[-1] + 1]
-    away = np.abs(torque[rows] - (before + after) / 2).min()
-    return len(rows) <= _FEW_ROWS and bool(abs(after - before) <= _NEARLY_BACK * away)
+def _comes_back(torque: Array, first: int, last: int) -> bool:
+    """Whether a torque (n,) from `last` on is about where it was before `first`, a few rows earlier."""
+    before, after = torque[first - 1], torque[last]
+    away = np.abs(torque[first:last] - (before + after) / 2).min()
+    return last - first <= _FEW_ROWS and bool(abs(after - before) <= _NEARLY_BACK * away)
 
 
 def _answers(record: Record, rows: NDArray[np.intp], inertia: float) -> NDArray[np.bool_]:
@@ -460,11 +464,10 @@ def _moved_without(record: Record) -> str:
     if "rigid_torque" in record.signals or len(record) < 2 * _LONG:  # the weight of a robot's links is known
         return ""
     u, q = record.torque, record.position
-    idle = np.abs(u) <= _IDLE * np.quantile(np.abs(u), _MOST)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int))).reshape(-1, 2)
+    idle_for = _stretches(np.abs(u) <= _IDLE * np.quantile(np.abs(u), _MOST))
     speed = np.abs(q[2 * _SLOPE :] - q[: -2 * _SLOPE]) / (2 * _SLOPE * record.sample_time)  # about the row _SLOPE later
     gains = []
-    for first, last in edges[np.diff(edges)[:, 0] >= _LONG].tolist():
+    for first, last in idle_for[np.diff(idle_for)[:, 0] >= _LONG].tolist():
         within = speed[first : last - 2 * _SLOPE]
         if np.max(within - np.minimum.accumulate(within)) > _GATHERS * speed.max():
             gains.append((first, last - 1))

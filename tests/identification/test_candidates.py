@@ -68,6 +68,7 @@ def test_what_begins_anew_is_a_shape_where_records_begin_at_other_times_alone() 
         assert begin_apart(observed) == apart
         tried = [s.get("anew") for s in shapes(effects.ThermalDrift, Scales.of(observed), observed)]
         assert set(tried) == ({0.0, 1.0} if apart else {None})
+    assert not begin_apart([*later, None])  # type: ignore[list-item]  # as of a response, which has no beginning
 
 
 def test_shapes_are_values_that_the_effect_accepts() -> None:
